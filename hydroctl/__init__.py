@@ -1,0 +1,39 @@
+"""hydroctl: from the data sheet of a hydraulic servo cylinder to a proven gain schedule.
+
+>>> import hydroctl as hc
+>>> actuator = hc.load_actuator("reference")
+>>> points = hc.find_operating_points(actuator, x=[[0.1], [1.0]], y=[0.1, 0.4])
+>>> family = hc.linearize(actuator, points)
+"""
+
+from __future__ import annotations
+
+import importlib
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "Actuator": "actuator",
+    "HydroctlError": "errors",
+    "InfeasibleError": "errors",
+    "InputError": "errors",
+    "OperatingPointError": "errors",
+    "find_operating_points": "operating_point",
+    "linearize": "linearization",
+    "list_actuators": "datasheet",
+    "load_actuator": "datasheet",
+}
+
+__all__ = sorted(_HOME)
+
+
+def __getattr__(name: str):
+    if name not in _HOME:
+        raise AttributeError(f"module 'hydroctl' has no attribute {name!r}")
+    value = getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *__all__]

@@ -1,0 +1,34 @@
+"""Error kinds. Every message names the field, the value and the way out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class HydroctlError(Exception):
+    """Base of every error that hydroctl raises on purpose."""
+
+
+class InputError(HydroctlError, ValueError):
+    """Something the user gave cannot be used. `faults` holds all of them, one sentence each."""
+
+    def __init__(self, faults: str | Iterable[str]):
+        self.faults = (faults,) if isinstance(faults, str) else tuple(faults)
+        super().__init__("\n".join(self.faults))
+
+
+class OperatingPointError(HydroctlError, ValueError):
+    """A single operating point was asked for and there is none that a linear model can use."""
+
+
+class InfeasibleError(HydroctlError):
+    """No regulator meets the specification; the message says which limit, where, and what is feasible."""
+
+
+def unknown_name(kind: str, name: object, known: Iterable[str]) -> str:
+    """One sentence for a name that is not in `known`, with the nearest known name first."""
+    names = sorted(known)
+    near = get_close_matches(str(name), names, n=1)
+    hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(names)}."
+    return f"{kind} {name!r} is unknown; {hint}"

@@ -1,0 +1,167 @@
+"""Equation (2) of the source paper: the linear model of the plant at every operating point, for arrays of them.
+
+With b(z) the column by which x enters and At = A + x db/dz at the operating point z_r,
+
+    tangent:  bt = b(z_r)                 the Jacobian; small-signal model, static gain dv/dx. For feedback design.
+    secant:   bt = b(z_r) - (db/dz) z_r   the paper's; x is the whole input, static gain v/x without load. For simulation.
+
+Both have the same poles. From x to v there are one zero and three poles,
+
+    v/x(s) = (n1 s + n0) / (s^3 + d2 s^2 + d1 s + d0)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from . import plant
+from .errors import InputError, OperatingPointError, unknown_name
+from .operating_point import OperatingPoints
+from .polynomials import cubic_roots
+
+if TYPE_CHECKING:
+    import control
+
+    from .actuator import Actuator
+
+STATES = ("p_a", "p_b", "v")
+_FORMS = ("tangent", "secant")
+
+
+@dataclass(frozen=True, eq=False)
+class LinearFamily:
+    """Linear models over the shape of the operating points; states p_a, p_b (Pa) and v (m/s), input x, output v."""
+
+    points: OperatingPoints
+    form: str
+    """"tangent" or "secant"""
+    A: np.ndarray
+    """(..., 3, 3)"""
+    B: np.ndarray
+    """(..., 3, 1)"""
+
+    @property
+    def C(self) -> np.ndarray:
+        """(1, 3): the output is v."""
+        return np.array([[0.0, 0.0, 1.0]])
+
+    @property
+    def D(self) -> np.ndarray:
+        """(1, 1): zero."""
+        return np.zeros((1, 1))
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The shape of the grid of operating points."""
+        return self.points.shape
+
+    @cached_property
+    def numerator(self) -> np.ndarray:
+        """(..., 2): n1, n0 of v/x(s)."""
+        return _numerator(self.A, self.B)
+
+    @cached_property
+    def denominator(self) -> np.ndarray:
+        """(..., 4): 1, d2, d1, d0 of v/x(s)."""
+        return _denominator(self.A)
+
+    def poles(self) -> np.ndarray:
+        """(..., 3) complex, rad/s: first the real pole nearest the zero (the one that nearly cancels), then the other two."""
+        return self._poles
+
+    @cached_property
+    def _poles(self) -> np.ndarray:
+        roots = cubic_roots(self.denominator[..., 1:])
+        distance = np.where(np.abs(roots.imag) == 0.0, np.abs(roots - self.zeros()), np.inf)
+        nearest = np.argmin(distance, axis=-1)[..., None]
+        order = (nearest + np.arange(3)) % 3
+        return np.take_along_axis(roots, order, axis=-1)
+
+    def zeros(self) -> np.ndarray:
+        """(..., 1) rad/s: the zero of v/x(s)."""
+        return -self.numerator[..., 1:] / self.numerator[..., :1]
+
+    def static_gain(self) -> np.ndarray:
+        """(...) v/x at s = 0 in m/s: dv/dx (tangent) or v/x (secant, no load)."""
+        return self.numerator[..., 1] / self.denominator[..., 3]
+
+    def frequency_response(self, omega) -> np.ndarray:
+        """(..., n) complex: v/x at the n frequencies omega (rad/s)."""
+        s = 1j * np.asarray(omega, dtype=float)
+        (n1, n0), (_, d2, d1, d0) = (np.moveaxis(c, -1, 0)[..., None] for c in (self.numerator, self.denominator))
+        return (n1 * s + n0) / (((s + d2) * s + d1) * s + d0)
+
+    def __getitem__(self, index) -> LinearModel:
+        """One member as a `LinearModel`; `index` must select a single point. A flagged point raises OperatingPointError."""
+        if np.shape(self.points.x[index]) != ():
+            raise InputError(f"index {index!r} selects several points of shape {self.shape}; give one index per axis.")
+        if not self.points.feasible[index]:
+            raise OperatingPointError(self.points.reason[index])
+        return LinearModel(self.A[index], self.B[index], self.C, self.D)
+
+
+@dataclass(frozen=True, eq=False)
+class LinearModel:
+    """One linear model; its conversions make python-control objects with named signals."""
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+
+    def state_space(self) -> control.StateSpace:
+        """x -> v with states p_a, p_b (Pa), v (m/s). Scale the states before calling routines that need a balanced model."""
+        import control
+
+        return control.ss(self.A, self.B, self.C, self.D, inputs=["x"], outputs=["v"], states=list(STATES))
+
+    def transfer_function(self) -> control.TransferFunction:
+        """v/x(s), from the closed-form coefficients: one zero, three poles, no spurious terms."""
+        import control
+
+        return control.tf(_numerator(self.A, self.B), _denominator(self.A), inputs=["x"], outputs=["v"])
+
+
+def linearize(actuator: Actuator, points: OperatingPoints, *, form: Literal["tangent", "secant"] = "tangent") -> LinearFamily:
+    """The linear model at every operating point, from the analytic Jacobian. A point that is not feasible holds NaN.
+
+    Raises InputError if `points` belong to another actuator, or for an unknown form.
+    """
+    if form not in _FORMS:
+        raise InputError(unknown_name("form", form, _FORMS))
+    if points.actuator.parameters() != actuator.parameters():
+        raise InputError("points were found for another actuator; call find_operating_points with this one.")
+    p = plant.parameters(actuator)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        A, B = plant.jacobian(points.p_a, points.p_b, points.y, points.x, p)
+        if form == "secant":
+            drop_a, drop_b = plant.pressure_gains(points.p_a, points.p_b, points.x, p)
+            stiff_a, stiff_b = plant.stiffnesses(points.y, p)
+            B[..., 0, 0] += stiff_a * drop_a * points.p_a / points.x
+            B[..., 1, 0] += stiff_b * drop_b * points.p_b / points.x
+    A[~points.feasible], B[~points.feasible] = np.nan, np.nan
+    return LinearFamily(points, form, A, B)
+
+
+def _numerator(A: np.ndarray, B: np.ndarray) -> np.ndarray:
+    a, (b_a, b_b) = _entries(A), np.moveaxis(B[..., :2, 0], -1, 0)
+    n1 = a[2, 0] * b_a + a[2, 1] * b_b
+    n0 = a[2, 0] * (a[0, 1] * b_b - a[1, 1] * b_a) + a[2, 1] * (a[1, 0] * b_a - a[0, 0] * b_b)
+    return np.stack([n1, n0], axis=-1)
+
+
+def _denominator(A: np.ndarray) -> np.ndarray:
+    a = _entries(A)
+    minor_a, minor_b = a[1, 1] * a[2, 2] - a[1, 2] * a[2, 1], a[0, 0] * a[2, 2] - a[0, 2] * a[2, 0]
+    minor_v = a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0]
+    d0 = a[0, 1] * (a[1, 0] * a[2, 2] - a[1, 2] * a[2, 0]) - a[0, 2] * (a[1, 0] * a[2, 1] - a[1, 1] * a[2, 0]) - a[0, 0] * minor_a
+    d2 = -(a[0, 0] + a[1, 1] + a[2, 2])
+    return np.stack([np.ones_like(d2), d2, minor_a + minor_b + minor_v, d0], axis=-1)
+
+
+def _entries(A: np.ndarray) -> np.ndarray:
+    return np.moveaxis(A, (-2, -1), (0, 1))

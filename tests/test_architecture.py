@@ -1,0 +1,78 @@
+"""The layers of the package, and what importing it may load."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import hydroctl
+
+PACKAGE = Path(hydroctl.__file__).parent
+LAYERS = (
+    ("errors",),
+    ("units", "polynomials"),
+    ("actuator",),
+    ("datasheet", "plant"),
+    ("operating_point",),
+    ("linearization",),
+    ("reduction",),
+    ("surfaces",),
+    ("paper", "identification", "frequency"),
+    ("regulators",),
+    ("tuning",),
+    ("schedule",),
+    ("simulation",),
+    ("validation", "synchronization"),
+    ("export", "testing"),
+    ("plotting",),
+    ("report",),
+    ("design",),
+    ("cli",),
+)
+RANK = {name: rank for rank, layer in enumerate(LAYERS) for name in layer}
+HEAVY = ("control", "matplotlib", "numba", "pint", "jinja2", "dask", "pydantic", "typer", "pandas", "scipy")
+FILES = sorted(PACKAGE.rglob("*.py"))
+
+
+def _part(path: Path) -> str:
+    return path.relative_to(PACKAGE).with_suffix("").parts[0]
+
+
+def _imported_parts(path: Path):
+    """Top-level parts of hydroctl that a file imports, wherever in the file."""
+    package = ("hydroctl", *path.relative_to(PACKAGE).with_suffix("").parts[:-1])
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else ()
+            target = (*base, *(node.module.split(".") if node.module else ()))
+            if target[:1] == ("hydroctl",):
+                yield from [target[1]] if len(target) > 1 else [alias.name for alias in node.names]
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_imports_point_only_to_lower_layers(path):
+    part = _part(path)
+    if part == "__init__":
+        return
+    assert part in RANK, f"{part} has no layer"
+    for other in _imported_parts(path):
+        assert other == "__version__" or other == part or RANK[other] < RANK[part], f"{part} imports {other}, which is not below it"
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_no_star_imports(path):
+    for node in ast.walk(ast.parse(path.read_text())):
+        assert not (isinstance(node, ast.ImportFrom) and any(alias.name == "*" for alias in node.names))
+
+
+def test_importing_hydroctl_loads_nothing_heavy():
+    code = f"import sys, hydroctl; print([name for name in {HEAVY!r} if name in sys.modules])"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PACKAGE.parent)
+    assert loaded.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("name", hydroctl.__all__)
+def test_every_public_name_exists_and_is_documented(name):
+    assert getattr(hydroctl, name).__doc__
