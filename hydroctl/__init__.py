@@ -9,22 +9,39 @@
 from __future__ import annotations
 
 import importlib
+import sys
+import types
 
 __version__ = "0.1.0"
 
 _HOME = {
     "Actuator": "actuator",
     "HydroctlError": "errors",
+    "GainSchedule": "schedule",
     "InfeasibleError": "errors",
     "InputError": "errors",
     "OperatingPointError": "errors",
+    "Specification": "specification",
     "find_operating_points": "operating_point",
     "linearize": "linearization",
     "list_actuators": "datasheet",
     "load_actuator": "datasheet",
+    "load_schedule": "schedule",
+    "tune": "tuning",
 }
 
 __all__ = sorted(_HOME)
+
+
+class _Package(types.ModuleType):
+    """Keeps public names callable: importing the submodule `hydroctl.design` must not replace the function `hydroctl.design`."""
+
+    def __setattr__(self, name: str, value) -> None:
+        if not (name in _HOME and isinstance(value, types.ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package
 
 
 def __getattr__(name: str):

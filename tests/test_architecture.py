@@ -12,7 +12,7 @@ import hydroctl
 PACKAGE = Path(hydroctl.__file__).parent
 LAYERS = (
     ("errors",),
-    ("units", "polynomials"),
+    ("units", "polynomials", "files"),
     ("actuator",),
     ("datasheet", "plant"),
     ("operating_point",),
@@ -20,9 +20,11 @@ LAYERS = (
     ("reduction",),
     ("surfaces",),
     ("paper", "identification", "frequency"),
-    ("regulators",),
-    ("tuning",),
+    ("regulators", "specification"),
+    ("margins",),
+    ("schedule_document",),
     ("schedule",),
+    ("tuning",),
     ("simulation",),
     ("validation", "synchronization"),
     ("export", "testing"),

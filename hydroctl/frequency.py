@@ -1,0 +1,159 @@
+"""The plant as a sampled regulator sees it: valve opening held over each sample, computational delay, speed or position read.
+
+    x[k] --> delay --> zero-order hold --> v/x(s) [--> 1/s] --> sampler --> m[k]
+
+The hold is exact (matrix exponential), fractions of a sample of delay included. The frequency response is a sum of partial
+fractions of the sampled model, so that thousands of models cost a few array operations. With delay = k + f samples, 0 <= f < 1,
+
+    G(z) = z^-k  sum_i (r_i + q_i / z) / (z - lambda_i),    z = exp(j omega Ts),    q_i = 0 where f = 0
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from .errors import InputError, unknown_name
+from .linearization import LinearFamily
+
+LOOPS = ("velocity", "position")
+_PRESSURE_SCALE = 1e6
+_WORST_CONDITION = 1e9
+_LOWEST_FREQUENCY = 1e-5
+"""of the Nyquist frequency"""
+
+
+@dataclass(frozen=True, eq=False)
+class SampledFamily:
+    """Sampled models over the shape (...) of a linear family: x[k] to m[k], in m/s (velocity) or m (position)."""
+
+    sample_time: float
+    whole_delays: int
+    """samples that a command waits before the one in which it starts to act"""
+    transition: np.ndarray
+    """(..., n, n): state after one sample"""
+    entry: np.ndarray
+    """(..., n, 2): effect of the command that starts to act in the sample, and of the one before it"""
+    output: np.ndarray
+    """(n,): m from the state"""
+    eigenvalues: np.ndarray
+    """(..., n) lambda_i"""
+    residues: np.ndarray
+    """(..., n, 2) r_i and q_i; NaN where the eigenvectors are too nearly parallel to be used"""
+    resonance: np.ndarray
+    """(..., 2): natural frequency (rad/s) and damping of the least damped mode of the continuous model"""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The shape of the family."""
+        return self.transition.shape[:-2]
+
+    def frequency_response(self, omega) -> np.ndarray:
+        """(..., n) complex G at omega in rad/s: one row for all models, or a row for each."""
+        z = np.exp(1j * np.asarray(omega, dtype=float) * self.sample_time)
+        response = np.zeros(np.broadcast_shapes((*self.shape, 1), z.shape), complex)
+        for i in range(self.output.size):
+            weight = self.residues[..., i, 0, None] + self.residues[..., i, 1, None] / z
+            response += weight / (z - self.eigenvalues[..., i, None])
+        if np.isnan(response).any():
+            response = np.where(np.isnan(response), self._solved_response(np.broadcast_to(z, response.shape)), response)
+        return response * z**-self.whole_delays
+
+    def _solved_response(self, z):
+        n = self.output.size
+        resolvent = z[..., None, None] * np.eye(n) - self.transition[..., None, :, :]
+        entry = self.entry[..., None, :, 0] + self.entry[..., None, :, 1] / z[..., None]
+        return np.linalg.solve(resolvent, entry[..., None])[..., 0] @ self.output
+
+    def take(self, indices) -> SampledFamily:
+        """The members at flat `indices`, along one axis."""
+        rank = len(self.shape)
+
+        def flat(array):
+            return array.reshape(-1, *array.shape[rank:])[indices]
+
+        return SampledFamily(
+            self.sample_time,
+            self.whole_delays,
+            flat(self.transition),
+            flat(self.entry),
+            self.output,
+            flat(self.eigenvalues),
+            flat(self.residues),
+            flat(self.resonance),
+        )
+
+    def state_space(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(A, B, C) of the sampled models with all delays as states: (..., N, N), (..., N, 1), (1, N)."""
+        n, memory = self.output.size, self.whole_delays + int(np.any(self.entry[..., 1]))
+        A = np.zeros((*self.shape, n + memory, n + memory))
+        B = np.zeros((*self.shape, n + memory, 1))
+        A[..., :n, :n] = self.transition
+        newest_first = [B[..., :n, 0]] + [A[..., :n, n + i] for i in range(memory)]
+        newest_first[self.whole_delays][...] = self.entry[..., 0]
+        if memory > self.whole_delays:
+            newest_first[memory][...] = self.entry[..., 1]
+        for i in range(memory):
+            if i == 0:
+                B[..., n, 0] = 1.0
+            else:
+                A[..., n + i, n + i - 1] = 1.0
+        return A, B, np.concatenate([self.output, np.zeros(memory)])[None, :]
+
+
+def sample(family: LinearFamily, *, loop: str, sample_time: float, delay_samples: float = 0.0) -> SampledFamily:
+    """`family` behind a zero-order hold and a delay, read as speed (loop "velocity") or position ("position").
+
+    Every point of the family must be feasible; otherwise InputError names the first that is not.
+    """
+    from scipy.linalg import expm
+
+    if loop not in LOOPS:
+        raise InputError(unknown_name("loop", loop, LOOPS))
+    if not family.points.feasible.all():
+        raise InputError(str(family.points.reason[~family.points.feasible][0]))
+    A, B, output = _continuous(family, loop)
+    n = output.size
+    augmented = np.zeros((*family.shape, n + 1, n + 1))
+    augmented[..., :n, :n], augmented[..., :n, n:] = A * sample_time, B * sample_time
+    whole = math.floor(delay_samples)
+    exact = expm(augmented)
+    transition, total = exact[..., :n, :n], exact[..., :n, n]
+    newest = expm(augmented * (1.0 - (delay_samples - whole)))[..., :n, n] if delay_samples > whole else total
+    entry = np.stack([newest, total - newest], axis=-1)
+    eigenvalues, vectors = np.linalg.eig(transition)
+    vectors = vectors / np.linalg.norm(vectors, axis=-2, keepdims=True)
+    residues = (output @ vectors)[..., None] * np.linalg.solve(vectors, entry.astype(complex))
+    residues[np.linalg.cond(vectors) > _WORST_CONDITION] = np.nan
+    return SampledFamily(sample_time, whole, transition, entry, output, eigenvalues, residues, _resonance(family))
+
+
+def _continuous(family: LinearFamily, loop: str):
+    """(A, B, output) with pressures in MPa, and y as a further state in the position loop."""
+    n = 3 + (loop == "position")
+    scale = np.array([_PRESSURE_SCALE, _PRESSURE_SCALE, 1.0])
+    A, B = np.zeros((*family.shape, n, n)), np.zeros((*family.shape, n, 1))
+    A[..., :3, :3] = family.A * scale / scale[:, None]
+    B[..., :3, :] = family.B / scale[:, None]
+    if loop == "position":
+        A[..., 3, 2] = 1.0
+    return A, B, np.eye(n)[-1]
+
+
+def _resonance(family: LinearFamily) -> np.ndarray:
+    pair = family.poles()[..., 1:]
+    natural = np.sqrt((pair[..., 0] * pair[..., 1]).real)
+    return np.stack([natural, -pair.sum(axis=-1).real / (2.0 * natural)], axis=-1)
+
+
+def frequency_grid(plant: SampledFamily, *, points: int = 160, around_resonance: int = 60) -> np.ndarray:
+    """(..., n) rad/s, ascending, from 1e-5 of the Nyquist frequency to it: logarithmic, plus dense around each resonance."""
+    nyquist = np.pi / plant.sample_time
+    coarse = np.geomspace(_LOWEST_FREQUENCY * nyquist, nyquist, points)
+    natural, damping = (plant.resonance[..., i, None] for i in range(2))
+    width = np.clip(3.0 * damping, 0.02, 0.9)
+    dense = natural * (1.0 + width * np.linspace(-1.0, 1.0, around_resonance))
+    grid = np.concatenate([np.broadcast_to(coarse, (*plant.shape, points)), np.minimum(dense, nyquist)], axis=-1)
+    return np.sort(grid, axis=-1)

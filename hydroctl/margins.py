@@ -1,0 +1,184 @@
+"""Margins of a loop L = C G: every crossing, not the first one, each refined on the exact response.
+
+r --->(+)--- e --> C --> x --> G --+--> m          S = 1/(1 + L)     Ms = max |S|
+      -^                           |               T = L/(1 + L)     Mt = max |T|
+       +---------------------------+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from .frequency import SampledFamily, frequency_grid
+from .regulators import Regulators, series
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """The loops of a plant family with its regulators, over their common shape (...)."""
+
+    plant: SampledFamily
+    regulators: Regulators
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The common shape."""
+        return self.plant.shape
+
+    def frequency_response(self, omega) -> np.ndarray:
+        """(..., n) complex L at omega in rad/s."""
+        return self.plant.frequency_response(omega) * self.regulators.frequency_response(omega)
+
+    def take(self, indices) -> Loop:
+        """The loops at flat `indices`, along one axis."""
+        full = self.regulators.broadcast_to(self.shape)
+        return Loop(self.plant.take(indices), full.reshape(-1)[indices])
+
+    def poles(self) -> np.ndarray:
+        """(..., N) complex poles of the sampled closed loop; stable where all lie inside the unit circle."""
+        A_plant, B_plant, C_plant = self.plant.state_space()
+        A, B, C, _ = series(self.regulators.broadcast_to(self.shape).state_space(), (A_plant, B_plant, C_plant, np.zeros((1, 1))))
+        return np.linalg.eigvals(A - B @ C)
+
+
+@dataclass(frozen=True, eq=False)
+class Margins:
+    """Margins over the shape (...) of the loops; frequencies in rad/s, phases in rad. Where a loop has no crossing: inf."""
+
+    Ms: np.ndarray
+    """largest |S|"""
+    Mt: np.ndarray
+    """largest |T|"""
+    Ms_frequency: np.ndarray
+    """where |S| is largest"""
+    Mt_frequency: np.ndarray
+    """where |T| is largest"""
+    disk_margin: np.ndarray
+    """1 / max |S - 1/2|: gain may change by (2 - d)/(2 + d) ... (2 + d)/(2 - d), phase by 2 atan(d/2), at once"""
+    gain_margin: np.ndarray
+    """smallest factor above 1 that brings L to -1"""
+    phase_margin: np.ndarray
+    """smallest phase, of either sign, that brings L to -1"""
+    delay_margin: np.ndarray
+    """smallest further delay that brings L to -1, in s"""
+    crossover: np.ndarray
+    """highest frequency with |L| = 1"""
+    stable: np.ndarray
+    """True where all poles of the sampled closed loop lie inside the unit circle"""
+    gain_crossings: Crossings
+    phase_crossings: Crossings
+
+    @classmethod
+    def stack(cls, results: list[Margins]) -> Margins:
+        """Several results of one shape along a new first axis."""
+        arrays = {name: np.stack([getattr(each, name) for each in results]) for name in _ARRAYS}
+        size = results[0].Ms.size
+        gains, phases = (Crossings.join([getattr(each, name) for each in results], size) for name in _CROSSINGS)
+        return cls(**arrays, gain_crossings=gains, phase_crossings=phases)
+
+
+_CROSSINGS = ("gain_crossings", "phase_crossings")
+_ARRAYS = tuple(field.name for field in fields(Margins) if field.name not in _CROSSINGS)
+
+
+@dataclass(frozen=True, eq=False)
+class Crossings:
+    """All crossings of all loops, one row each."""
+
+    index: np.ndarray
+    """flat index of the loop"""
+    omega: np.ndarray
+    """rad/s"""
+    response: np.ndarray
+    """L there"""
+
+    @classmethod
+    def join(cls, parts: list[Crossings], size: int) -> Crossings:
+        """Crossings of several stacked results of `size` loops each, with indices into the stack."""
+        index = np.concatenate([part.index + i * size for i, part in enumerate(parts)])
+        return cls(index, *(np.concatenate([getattr(part, name) for part in parts]) for name in ("omega", "response")))
+
+    def select(self, wanted) -> Crossings:
+        """Those whose response fulfils `wanted`."""
+        keep = wanted(self.response)
+        return Crossings(self.index[keep], self.omega[keep], self.response[keep])
+
+    def phase_margins(self) -> np.ndarray:
+        """The phase of -L in (-pi, pi]: what each gain crossing is away from -1."""
+        return np.angle(-self.response)
+
+
+def analyse(loop, omega=None) -> Margins:
+    """Margins of every loop in `loop`: anything with `shape`, `frequency_response`, `take` and `poles` of `Loop`.
+
+    `omega` (..., n) in rad/s must be dense enough to hold every crossing and resonance; by default `frequency_grid`.
+    """
+    omega = frequency_grid(loop.plant) if omega is None else omega
+    omega = np.broadcast_to(omega, (*loop.shape, np.shape(omega)[-1])).reshape(-1, np.shape(omega)[-1])
+    flat = loop.take(np.arange(omega.shape[0]))
+    L = flat.frequency_response(omega)
+    gains = _crossings(flat, omega, L, lambda value: np.abs(value) - 1.0)
+    phases = _crossings(flat, omega, L, np.imag).select(lambda response: response.real < 0.0)
+    size = omega.shape[0]
+    factor = 1.0 / np.abs(phases.response)
+    phase = gains.phase_margins()
+    lag = np.mod(phase, 2.0 * np.pi)
+    worst = {
+        "gain_margin": _least(size, phases.index[factor > 1.0], factor[factor > 1.0]),
+        "phase_margin": _least(size, gains.index, np.abs(phase)),
+        "delay_margin": _least(size, gains.index, lag / gains.omega),
+        "crossover": -_least(size, gains.index, -gains.omega),
+    }
+    Ms, Ms_frequency = _peak(flat, omega, L, lambda value: 1.0 / np.abs(1.0 + value))
+    Mt, Mt_frequency = _peak(flat, omega, L, lambda value: np.abs(value / (1.0 + value)))
+    disk, _ = _peak(flat, omega, L, lambda value: np.abs(1.0 / (1.0 + value) - 0.5))
+    peaks = {"Ms": Ms, "Ms_frequency": Ms_frequency, "Mt": Mt, "Mt_frequency": Mt_frequency, "disk_margin": 1.0 / disk}
+    stable = np.abs(flat.poles()).max(axis=-1) < 1.0
+    shaped = {name: values.reshape(loop.shape) for name, values in (worst | peaks | {"stable": stable}).items()}
+    return Margins(**shaped, gain_crossings=gains, phase_crossings=phases)
+
+
+def _least(size: int, index, values) -> np.ndarray:
+    least = np.full(size, np.inf)
+    np.minimum.at(least, index, values)
+    return least
+
+
+def _crossings(loop, omega, L, function) -> Crossings:
+    """All roots of function(L) that change its sign on the grid `omega`."""
+    from scipy.optimize import elementwise
+
+    sign = np.signbit(function(L))
+    row, column = np.nonzero(sign[:, :-1] != sign[:, 1:])
+    if row.size == 0:
+        return Crossings(row, np.zeros(0), np.zeros(0, complex))
+
+    def at(frequency, index):
+        return loop.take(index.astype(int)).frequency_response(frequency[:, None])[:, 0]
+
+    bracket = (omega[row, column], omega[row, column + 1])
+    found = elementwise.find_root(lambda w, index: function(at(w, index)), bracket, args=(row.astype(float),))
+    return Crossings(row, found.x, at(found.x, row))
+
+
+def _peak(loop, omega, L, function):
+    """(maximum of function(L) over frequency, where), refined between the grid points next to the largest value."""
+    from scipy.optimize import elementwise
+
+    values = function(L)
+    top = np.argmax(values, axis=-1)
+    every = np.arange(len(top))
+    peak, where = values[every, top], omega[every, top]
+    row = np.nonzero((top > 0) & (top < omega.shape[-1] - 1))[0]
+    if row.size:
+        bracket = tuple(omega[row, top[row] + step] for step in (-1, 0, 1))
+
+        def negative(w, index):
+            return -function(loop.take(index.astype(int)).frequency_response(w[:, None])[:, 0])
+
+        found = elementwise.find_minimum(negative, bracket, args=(row.astype(float),), tolerances={"xrtol": 1e-7})
+        better = -found.f_x > peak[row]
+        peak[row[better]], where[row[better]] = -found.f_x[better], found.x[better]
+    return peak, where

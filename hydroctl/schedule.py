@@ -1,0 +1,312 @@
+"""`GainSchedule`: regulator gains over valve opening and position, with what it needs to run and to be checked.
+
+The tables are bilinear between nodes and clipped outside. They never interpolate across x = 0: x >= 0 uses the nodes with
+x > 0, x < 0 those with x < 0. The scheduling signals are the previous saturated x and the measured y.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from . import __version__, schedule_document
+from .actuator import PARAMETERS, Actuator
+from .errors import InputError, unknown_name
+from .frequency import SampledFamily, sample
+from .linearization import linearize
+from .margins import Loop, Margins, analyse
+from .operating_point import find_operating_points
+from .regulators import Regulators, require_structure
+from .specification import Specification, variants
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GainSchedule:
+    """Gains at the nodes (nx, ny), the regulator law's constants, and the machine and limits that they were designed for."""
+
+    actuator: Actuator
+    specification: Specification
+    loop: str
+    """"velocity" or "position\""""
+    structure: str
+    x: np.ndarray
+    """(nx,) nodes of the valve opening, ascending, none zero"""
+    y: np.ndarray
+    """(ny,) nodes of the position in m, ascending"""
+    kp: np.ndarray
+    """(nx, ny), x per m/s (velocity) or per m (position)"""
+    ki: np.ndarray
+    """(nx, ny), as kp per s"""
+    kd: np.ndarray
+    """(nx, ny), as kp times s"""
+    notch_frequency: np.ndarray
+    """(nx, ny), rad/s"""
+    zz: float
+    """damping of the notch's zeros; equal to zp where there is no notch"""
+    zp: float
+    """damping of the notch's poles"""
+    Tt: float
+    """time constant of the anti-windup in s"""
+    feed_forward: bool
+    """whether x_ff = v_ref / speed_gain + speed_offset is added for a moving reference"""
+    speed_gain_extend: float
+    """dv/dx in m/s for v_ref > 0"""
+    speed_gain_retract: float
+    """dv/dx in m/s for v_ref < 0"""
+    speed_offset_extend: float
+    """x at which extending starts (leakage)"""
+    speed_offset_retract: float
+    """x at which retracting starts (leakage)"""
+
+    @property
+    def Ts(self) -> float:
+        """Sample time in s."""
+        return self.specification.sample_time
+
+    @property
+    def delay_samples(self) -> float:
+        """Delay from measurement to valve command in samples."""
+        return self.specification.delay_samples
+
+    @property
+    def Tf(self) -> float:
+        """Derivative filter time in s."""
+        return self.specification.Tf
+
+    @property
+    def regulators(self) -> Regulators:
+        """The regulators at the nodes, shape (nx, ny)."""
+        return Regulators(self.Ts, self.kp, self.ki, self.kd, self.notch_frequency, self.Tf, self.zz, self.zp)
+
+    def gains(self, x, y) -> Regulators:
+        """The regulators that act at x and y (arrays broadcast): bilinear, clipped, sides of x apart."""
+        x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
+        row, along_x = _locate_sided(self.x, x)
+        column, along_y = _locate(self.y, y)
+
+        def interpolate(table):
+            table = np.asarray(table)
+            next_row, next_column = np.minimum(row + 1, len(self.x) - 1), np.minimum(column + 1, len(self.y) - 1)
+            near = table[row, column] * (1.0 - along_y) + table[row, next_column] * along_y
+            far = table[next_row, column] * (1.0 - along_y) + table[next_row, next_column] * along_y
+            return near * (1.0 - along_x) + far * along_x
+
+        tables = (self.kp, self.ki, self.kd, self.notch_frequency)
+        return Regulators(self.Ts, *(interpolate(table) for table in tables), self.Tf, self.zz, self.zp)
+
+    @cached_property
+    def margins(self) -> ScheduleMargins:
+        """Margins at the nodes and half-way between them, for the nominal plant and every variant of the specification."""
+        return check_margins(self, _with_midpoints(self.x), _with_midpoints(self.y))
+
+    def save(self, path: str | Path) -> Path:
+        """Write the schedule as JSON (see `schedule_document`), atomically."""
+        return schedule_document.write(_to_document(self), path)
+
+
+@dataclass(frozen=True, eq=False)
+class ScheduleMargins:
+    """Margins of a schedule over variants of the plant and points between and at its nodes."""
+
+    variants: tuple[str, ...]
+    x: np.ndarray
+    """(mx,)"""
+    y: np.ndarray
+    """(my,) m"""
+    at_node: np.ndarray
+    """(mx, my): True where the point is a node of the schedule"""
+    margins: Margins
+    """over (variants, mx, my)"""
+
+    def worst(self, name: str, *, nodes_only: bool = False) -> WorstPoint:
+        """Where the margin `name` of `Margins` is worst: largest Ms, Mt; smallest of the others."""
+        values = np.asarray(getattr(self.margins, name), float)
+        badness = values if name in ("Ms", "Mt") else -values
+        if nodes_only:
+            badness = np.where(self.at_node, badness, -np.inf)
+        k, i, j = np.unravel_index(np.argmax(badness), badness.shape)
+        return WorstPoint(name, float(values[k, i, j]), self.variants[k], float(self.x[i]), float(self.y[j]))
+
+    @property
+    def unstable(self) -> int:
+        """How many closed loops are unstable."""
+        return int(np.count_nonzero(~self.margins.stable))
+
+
+@dataclass(frozen=True)
+class WorstPoint:
+    """One margin's worst value and where it is."""
+
+    margin: str
+    value: float
+    variant: str
+    x: float
+    y: float
+
+
+def sampled_plants(actuator: Actuator, x, y, loop: str, specification: Specification) -> dict[str, SampledFamily]:
+    """The sampled design plants over the grid x by y, by label of the variant.
+
+    Raises InputError for a point that no linear model can describe, with variant and reason.
+    """
+    plants = {}
+    for label, plant in variants(actuator, specification.uncertainty).items():
+        points = find_operating_points(plant, np.asarray(x, float)[:, None], np.asarray(y, float))
+        if not points.feasible.all():
+            raise InputError(f"{label} plant: {points.reason[~points.feasible][0]}")
+        family = linearize(plant, points)
+        plants[label] = sample(family, loop=loop, sample_time=specification.sample_time, delay_samples=specification.delay_samples)
+    return plants
+
+
+def check_margins(schedule: GainSchedule, x, y) -> ScheduleMargins:
+    """Margins of `schedule` on the grid x (mx,) by y (my,), for every variant of its specification."""
+    plants = sampled_plants(schedule.actuator, x, y, schedule.loop, schedule.specification)
+    regulators = schedule.gains(np.asarray(x)[:, None], y)
+    results = [analyse(Loop(plant, regulators)) for plant in plants.values()]
+    at_node = np.isin(x, schedule.x)[:, None] & np.isin(y, schedule.y)
+    return ScheduleMargins(tuple(plants), np.asarray(x), np.asarray(y), at_node, Margins.stack(results))
+
+
+def load_schedule(path: str | Path) -> GainSchedule:
+    """The schedule in a JSON file. Raises InputError that names the file and every fault."""
+    document = schedule_document.read(path)
+    try:
+        return _from_document(document)
+    except InputError as error:
+        raise InputError(f"{path}: {fault}" for fault in error.faults) from None
+
+
+def _locate(nodes: np.ndarray, value: np.ndarray):
+    """(index of the node at or below, fraction of the way to the next), clipped to the nodes."""
+    index = np.clip(np.searchsorted(nodes, value, side="right") - 1, 0, max(len(nodes) - 2, 0))
+    if len(nodes) == 1:
+        return index, np.zeros_like(value)
+    return index, np.clip((value - nodes[index]) / (nodes[index + 1] - nodes[index]), 0.0, 1.0)
+
+
+def _locate_sided(nodes: np.ndarray, value: np.ndarray):
+    """`_locate` among the nodes on the side of `value`, or among all where that side has none."""
+    first = int(np.searchsorted(nodes, 0.0))
+    left, along_left = _locate(nodes[:first] if first else nodes, value)
+    right, along_right = _locate(nodes[first:] if first < len(nodes) else nodes, value)
+    positive = value >= 0.0
+    return np.where(positive, right + (first if first < len(nodes) else 0), left), np.where(positive, along_right, along_left)
+
+
+def _with_midpoints(nodes: np.ndarray) -> np.ndarray:
+    """`nodes` and the middles between neighbours of the same sign."""
+    middles = [(a + b) / 2.0 for a, b in pairwise(nodes) if a * b >= 0.0]
+    return np.sort(np.concatenate([nodes, middles]))
+
+
+_GAIN_UNITS = {
+    "velocity": {"kp": "s/m", "ki": "1/m", "kd": "s^2/m", "notch_frequency": "rad/s"},
+    "position": {"kp": "1/m", "ki": "1/(m*s)", "kd": "s/m", "notch_frequency": "rad/s"},
+}
+_LAW = (
+    "e = r - m; d = (Tf*d + e - e_previous)/(Tf + Ts); u = notch(kp*e + I + kd*d) + x_ff; x = clip(u, limits); "
+    "I = I + Ts*(ki*e + (x - u)/Tt); x acts delay_samples after the measurement; m is {measured}"
+)
+_MEASURED = {"velocity": "the speed v in m/s", "position": "the position y in m"}
+_MARGIN_UNITS = {"Ms": "1", "Mt": "1", "gain_margin": "1", "phase_margin": "rad", "delay_margin": "s", "crossover": "rad/s"}
+
+
+def _to_document(schedule: GainSchedule) -> schedule_document.Document:
+    d, units = schedule_document, _GAIN_UNITS[schedule.loop]
+
+    def quantity(value, unit):
+        return d.Quantity(value=float(value), unit=unit)
+
+    controller = d.Controller(
+        law=_LAW.format(measured=_MEASURED[schedule.loop]),
+        sample_time=quantity(schedule.Ts, "s"),
+        delay_samples=float(schedule.delay_samples),
+        derivative_filter_time=quantity(schedule.Tf, "s"),
+        notch_zero_damping=float(schedule.zz),
+        notch_pole_damping=float(schedule.zp),
+        limits=[-1.0, 1.0],
+        anti_windup_time=quantity(schedule.Tt, "s"),
+    )
+    axes = [
+        d.Axis(name="x", signal="previous saturated x", unit="1", values=schedule.x.tolist()),
+        d.Axis(name="y", signal="measured position", unit="m", values=schedule.y.tolist()),
+    ]
+    tables = [d.Table(name=name, unit=unit, values=getattr(schedule, name).tolist()) for name, unit in units.items()]
+    feed_forward = d.FeedForward(
+        enabled=schedule.feed_forward,
+        gain_extend=quantity(schedule.speed_gain_extend, "m/s"),
+        gain_retract=quantity(schedule.speed_gain_retract, "m/s"),
+        offset_extend=float(schedule.speed_offset_extend),
+        offset_retract=float(schedule.speed_offset_retract),
+    )
+    actuator, specification = schedule.actuator, schedule.specification
+    machine = d.Machine(
+        name=actuator.name,
+        source=actuator.source,
+        note=actuator.note,
+        fingerprint=actuator.fingerprint(),
+        parameters={name: quantity(value, PARAMETERS[name].metadata["unit"]) for name, value in actuator.parameters().items()},
+    )
+    uncertainty = specification.uncertainty
+    design = d.Design(
+        Ms=float(specification.Ms),
+        Mt=float(specification.Mt),
+        uncertainty=uncertainty if isinstance(uncertainty, str) else dict(uncertainty),
+        achieved={name: _achieved(schedule.margins.worst(name), unit) for name, unit in _MARGIN_UNITS.items()},
+    )
+    return d.Document(
+        generator=f"hydroctl {__version__}",
+        loop=schedule.loop,
+        structure=schedule.structure,
+        controller=controller,
+        scheduling=d.Scheduling(axes=axes, tables=tables),
+        feed_forward=feed_forward,
+        actuator=machine,
+        design=design,
+    )
+
+
+def _achieved(worst: WorstPoint, unit: str) -> dict:
+    return {"value": worst.value, "unit": unit, "variant": worst.variant, "x": worst.x, "y": worst.y}
+
+
+def _from_document(document: schedule_document.Document) -> GainSchedule:
+    controller, machine, design = document.controller, document.actuator, document.design
+    parameters = {name: quantity.value for name, quantity in machine.parameters.items()}
+    if faults := [unknown_name("parameter", name, PARAMETERS) for name in parameters if name not in PARAMETERS]:
+        raise InputError(faults)
+    actuator = Actuator(name=machine.name, source=machine.source, note=machine.note, **parameters)
+    if actuator.fingerprint() != machine.fingerprint:
+        raise InputError("actuator.fingerprint does not belong to actuator.parameters; the file was changed after it was written.")
+    require_structure(document.structure)
+    specification = Specification(
+        sample_time=controller.sample_time.value,
+        delay_samples=controller.delay_samples,
+        Ms=design.Ms,
+        Mt=design.Mt,
+        uncertainty=design.uncertainty,
+        Tf=controller.derivative_filter_time.value,
+    )
+    x, y = (np.array(axis.values) for axis in document.scheduling.axes)
+    return GainSchedule(
+        actuator=actuator,
+        specification=specification,
+        loop=document.loop,
+        structure=document.structure,
+        x=x,
+        y=y,
+        **{table.name: np.array(table.values) for table in document.scheduling.tables},
+        zz=controller.notch_zero_damping,
+        zp=controller.notch_pole_damping,
+        Tt=controller.anti_windup_time.value,
+        feed_forward=document.feed_forward.enabled,
+        speed_gain_extend=document.feed_forward.gain_extend.value,
+        speed_gain_retract=document.feed_forward.gain_retract.value,
+        speed_offset_extend=document.feed_forward.offset_extend,
+        speed_offset_retract=document.feed_forward.offset_retract,
+    )

@@ -1,0 +1,198 @@
+"""The schedule file: JSON with a unit on every quantity, and the regulator law stated in full.
+
+The pydantic models below are the file's definition. Reading is strict: unknown or missing fields, wrong types, numbers that are
+not finite, wrong shapes and unsorted axes are errors, all of them reported at once.
+"""
+
+from __future__ import annotations
+
+import json
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from .errors import InputError
+from .files import write_file
+
+SCHEMA = "hydroctl.gain-schedule"
+VERSION = 1
+_LARGEST_FILE = 50_000_000
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(allow_inf_nan=False, gt=0)]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class Quantity(_Part):
+    """A number with its unit."""
+
+    value: Number
+    unit: str
+
+
+class Axis(_Part):
+    """One axis of the tables, ascending."""
+
+    name: Literal["x", "y"]
+    signal: str
+    unit: str
+    values: Annotated[list[Number], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _ascending(self):
+        if any(b <= a for a, b in pairwise(self.values)):
+            raise ValueError(f"axis {self.name} is not strictly ascending")
+        return self
+
+
+class Table(_Part):
+    """One table, rows along x, columns along y."""
+
+    name: Literal["kp", "ki", "kd", "notch_frequency"]
+    unit: str
+    values: list[list[Number]]
+
+
+class Scheduling(_Part):
+    """How gains are looked up."""
+
+    interpolation: Literal["bilinear"] = "bilinear"
+    extrapolation: Literal["clipped"] = "clipped"
+    order: Literal["row-major"] = "row-major"
+    sides: Literal["x >= 0 uses the nodes x > 0, x < 0 the nodes x < 0"] = "x >= 0 uses the nodes x > 0, x < 0 the nodes x < 0"
+    axes: list[Axis]
+    tables: list[Table]
+
+    @model_validator(mode="after")
+    def _shapes(self):
+        if [axis.name for axis in self.axes] != ["x", "y"]:
+            raise ValueError("axes must be x, then y")
+        if [table.name for table in self.tables] != ["kp", "ki", "kd", "notch_frequency"]:
+            raise ValueError("tables must be kp, ki, kd, notch_frequency, in this order")
+        if 0.0 in self.axes[0].values:
+            raise ValueError("axis x must not have a node at 0")
+        rows, columns = (len(axis.values) for axis in self.axes)
+        for table in self.tables:
+            if len(table.values) != rows or any(len(row) != columns for row in table.values):
+                raise ValueError(f"table {table.name} is not {rows} rows of {columns} values")
+        return self
+
+
+class Controller(_Part):
+    """The regulator law."""
+
+    form: Literal["parallel"] = "parallel"
+    law: str
+    sample_time: Quantity
+    delay_samples: Annotated[float, Field(ge=0, allow_inf_nan=False)]
+    integral: Literal["forward Euler, stored in units of x"] = "forward Euler, stored in units of x"
+    derivative: Literal["backward Euler, on the error"] = "backward Euler, on the error"
+    derivative_filter_time: Quantity
+    notch: Literal["Tustin prewarped at notch_frequency"] = "Tustin prewarped at notch_frequency"
+    notch_zero_damping: Positive
+    notch_pole_damping: Positive
+    set_point_weight: Literal[1.0] = 1.0
+    limits: Annotated[list[Number], Field(min_length=2, max_length=2)]
+    anti_windup: Literal["back-calculation from the saturated x, after the notch"] = (
+        "back-calculation from the saturated x, after the notch"
+    )
+    anti_windup_time: Quantity
+
+
+class FeedForward(_Part):
+    """x_ff = v_ref / gain + offset for a moving reference, gain and offset by the sign of v_ref."""
+
+    enabled: bool
+    gain_extend: Quantity
+    gain_retract: Quantity
+    offset_extend: Number
+    offset_retract: Number
+
+
+class Machine(_Part):
+    """The actuator that the schedule was designed for."""
+
+    name: str
+    source: str
+    note: str
+    fingerprint: str
+    parameters: dict[str, Quantity]
+
+
+class Design(_Part):
+    """The specification, and the margins that were reached."""
+
+    Ms: Positive
+    Mt: Positive
+    uncertainty: str | dict[str, tuple[Positive, Positive]]
+    achieved: dict[str, dict[str, Number | str]]
+
+
+class Document(_Part):
+    """A whole schedule file."""
+
+    schema_: Literal["hydroctl.gain-schedule"] = Field(SCHEMA, alias="schema")
+    version: Literal[1] = VERSION
+    generator: str
+    loop: Literal["velocity", "position"]
+    structure: str
+    controller: Controller
+    scheduling: Scheduling
+    feed_forward: FeedForward
+    actuator: Machine
+    design: Design
+
+
+def write(document: Document, path: str | Path) -> Path:
+    """Write `document` atomically; floats are written so that they read back to the same bits."""
+    text = json.dumps(document.model_dump(by_alias=True, mode="json"), indent=1, allow_nan=False, ensure_ascii=False)
+    return write_file(path, (text + "\n").encode())
+
+
+def read(path: str | Path) -> Document:
+    """The checked document of a schedule file. Raises InputError with every fault."""
+    data = _read_json(Path(path))
+    if not isinstance(data, dict) or data.get("schema") != SCHEMA:
+        raise InputError(f'{path}: not a gain schedule (schema must be "{SCHEMA}").')
+    if data.get("version") != VERSION:
+        raise InputError(f"{path}: version {data.get('version')!r} is unknown; this hydroctl reads {VERSION}. Update hydroctl.")
+    try:
+        return Document.model_validate_json(json.dumps(data))
+    except ValidationError as error:
+        raise InputError(f"{path}: {_sentence(fault)}" for fault in error.errors()) from None
+
+
+def _read_json(path: Path):
+    try:
+        if path.stat().st_size > _LARGEST_FILE:
+            raise InputError(f"{path}: more than {_LARGEST_FILE // 1_000_000} MB is no schedule; name the right file.")
+        return json.loads(path.read_bytes(), parse_constant=_refuse_constant, object_pairs_hook=_unique_keys)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); name an existing schedule file.") from None
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path}: not valid JSON ({error}).") from None
+
+
+def _refuse_constant(name: str):
+    raise ValueError(f"{name} is not a finite number")
+
+
+def _unique_keys(pairs):
+    keys = [key for key, _ in pairs]
+    if twice := {key for key in keys if keys.count(key) > 1}:
+        raise ValueError(f"key {sorted(twice)[0]!r} is given twice")
+    return dict(pairs)
+
+
+def _sentence(fault) -> str:
+    where = ".".join(str(part) for part in fault["loc"]) or "document"
+    given = repr(fault["input"])
+    shown = given if len(given) <= 40 else given[:37] + "..."
+    return f"{where} = {shown}: {fault['msg'].removeprefix('Value error, ')}."

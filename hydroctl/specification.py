@@ -1,0 +1,82 @@
+"""What a regulator must hold, and over which variations of the plant."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from .actuator import PARAMETERS, Actuator
+from .errors import InputError, unknown_name
+
+_HIGH_SUPPLY = 1.2
+_CORNERS = {"bulk_modulus": (0.7, 1.3), "mass": (0.5, 1.5)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Specification:
+    """Limits and sampling of a design. Raises InputError with every fault at once."""
+
+    sample_time: float = 1e-3
+    """Ts in s"""
+    delay_samples: float = 1.0
+    """computational and communication delay in samples, fractions allowed"""
+    Ms: float = 1.6
+    """largest |S| allowed, above 1"""
+    Mt: float = 1.3
+    """largest |T| allowed, above 1"""
+    uncertainty: str | Mapping[str, tuple[float, float]] = "corners"
+    """"nominal", "corners" (nominal; bulk modulus +-30 % with mass +-50 % at supply +20 %) or {parameter: (low, high) factors}"""
+    Tf: float = 5e-4
+    """derivative filter time in s"""
+    notch_damping: tuple[float, float] | None = None
+    """(zz, zp) of the notch; by default (0.2, 0.8) for the nominal plant alone and (0.3, 0.8) over an uncertainty"""
+
+    def __post_init__(self):
+        faults = [fault for name, least in _LEAST.items() if (fault := _number_fault(name, getattr(self, name), least))]
+        faults += _uncertainty_faults(self.uncertainty)
+        if self.notch_damping is not None and not 0 < self.notch_damping[0] < self.notch_damping[1]:
+            faults.append(f"notch_damping = {self.notch_damping} must be (zz, zp) with 0 < zz < zp.")
+        if faults:
+            raise InputError(faults)
+        if self.notch_damping is None:
+            object.__setattr__(self, "notch_damping", (0.2 if self.uncertainty == "nominal" else 0.3, 0.8))
+
+
+_LEAST = {"sample_time": 0.0, "delay_samples": -1e-300, "Ms": 1.0, "Mt": 1.0, "Tf": 0.0}
+
+
+def _number_fault(name: str, value: object, least: float) -> str | None:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value) or value <= least:
+        return f"{name} = {value!r} must be a finite number above {least:g}."
+    return None
+
+
+def _uncertainty_faults(uncertainty) -> list[str]:
+    if isinstance(uncertainty, str):
+        return [] if uncertainty in ("nominal", "corners") else [unknown_name("uncertainty", uncertainty, ("nominal", "corners"))]
+    if not isinstance(uncertainty, Mapping):
+        return [f'uncertainty = {uncertainty!r} must be "nominal", "corners" or factors such as {{"mass": (0.5, 1.5)}}.']
+    faults = [unknown_name("parameter", name, PARAMETERS) for name in uncertainty if name not in PARAMETERS]
+    for name, factors in uncertainty.items():
+        if not (isinstance(factors, tuple) and len(factors) == 2 and 0 < factors[0] <= factors[1] < math.inf):
+            faults.append(f"uncertainty of {name} = {factors!r} must be two factors (low, high) with 0 < low <= high.")
+    return faults
+
+
+def variants(actuator: Actuator, uncertainty: str | Mapping[str, tuple[float, float]]) -> dict[str, Actuator]:
+    """The plants that a design must hold on, by label; the first is the nominal one."""
+    if uncertainty == "nominal":
+        return {"nominal": actuator}
+    ranges = _CORNERS if uncertainty == "corners" else uncertainty
+    common = {"supply_pressure": _HIGH_SUPPLY} if uncertainty == "corners" else {}
+    plants = {"nominal": actuator}
+    for factors in itertools.product(*ranges.values()):
+        change = dict(zip(ranges, factors, strict=True)) | common
+        plants[_label(change)] = actuator.replace(**{name: getattr(actuator, name) * factor for name, factor in change.items()})
+    return plants
+
+
+def _label(change: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {100 * (factor - 1):+.0f} %" for name, factor in change.items())

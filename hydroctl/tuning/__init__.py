@@ -1,0 +1,5 @@
+"""From an actuator and a specification to a gain schedule."""
+
+from .synthesis import default_nodes, tune
+
+__all__ = ["default_nodes", "tune"]

@@ -1,0 +1,143 @@
+"""`tune`: regulator gains at every node, found on all plants of the specification at once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..actuator import Actuator
+from ..errors import InfeasibleError, InputError
+from ..frequency import SampledFamily, frequency_grid
+from ..margins import Loop, analyse
+from ..operating_point import find_operating_points
+from ..regulators import GAINS, STRUCTURES, Regulators, require_structure
+from ..schedule import GainSchedule, sampled_plants
+from ..specification import Specification
+from .convex import circles, largest_gains, small_gains
+
+_SMALLEST_OPENING = 0.02
+_Y_NODES = 9
+_REFINEMENTS = 4
+_TOLERANCE = 1e-4
+_LEAST_WINDUP_SAMPLES = 10
+
+
+def default_nodes(actuator: Actuator) -> tuple[np.ndarray, np.ndarray]:
+    """(x, y): two openings a side, from the smallest at which a linear model is used, and nine positions along the stroke."""
+    x = np.array([-1.0, -_SMALLEST_OPENING, _SMALLEST_OPENING, 1.0])
+    return x, np.linspace(0.0, actuator.stroke, _Y_NODES)
+
+
+def tune(
+    actuator: Actuator, x, y, *, loop: str = "velocity", structure: str = "pi", specification: Specification | None = None
+) -> GainSchedule:
+    """The gain schedule with nodes x (nx,) and y (ny,) in m whose every regulator has the largest integral gain (for "p" the
+    largest kp) that keeps Ms and Mt on all plants of the specification.
+
+    x must not hold 0 (see `GainSchedule`). Raises InputError for nodes that no linear model can describe, InfeasibleError
+    where no gain meets the limits.
+    """
+    specification = Specification() if specification is None else specification
+    require_structure(structure)
+    x, y = _nodes("x", x), _nodes("y", y)
+    if (x == 0.0).any():
+        raise InputError("x = 0 cannot be a node, because the plant has no derivative there; use a small opening of either sign.")
+    plants = sampled_plants(actuator, x, y, loop, specification)
+    natural = next(iter(plants.values())).resonance[..., 0]
+    zz, zp = specification.notch_damping if "notch" in structure else (1.0, 1.0)
+    empty = np.zeros(natural.shape)
+    notch = Regulators(specification.sample_time, empty, empty, empty, natural, specification.Tf, zz, zp)
+    try:
+        regulators = _synthesize(list(plants.values()), notch, structure, loop, specification)
+    except InfeasibleError as error:
+        i, j = error.args[0]
+        raise InfeasibleError(
+            f"x={x[i]:g}, y={y[j]:g} m: no gain, however small, keeps Ms <= {specification.Ms:g} and Mt <= {specification.Mt:g}. "
+            "Raise a limit or shorten the delay."
+        ) from None
+    return GainSchedule(
+        actuator=actuator,
+        specification=specification,
+        loop=loop,
+        structure=structure,
+        x=x,
+        y=y,
+        kp=regulators.kp,
+        ki=regulators.ki,
+        kd=regulators.kd,
+        notch_frequency=natural,
+        zz=zz,
+        zp=zp,
+        Tt=_anti_windup_time(regulators.kp, regulators.ki, specification.sample_time),
+        feed_forward=loop == "position",
+        **_speed_gains(actuator),
+    )
+
+
+def _nodes(name: str, values) -> np.ndarray:
+    nodes = np.atleast_1d(np.asarray(values, dtype=float))
+    if nodes.ndim != 1 or not np.isfinite(nodes).all() or (np.diff(nodes) <= 0.0).any():
+        raise InputError(f"{name} nodes = {values!r} must be one ascending row of finite numbers.")
+    return nodes
+
+
+def _synthesize(plants: list[SampledFamily], notch: Regulators, structure: str, loop: str, specification: Specification):
+    """Regulators (nx, ny) that hold on all `plants`, each a family (nx, ny). InfeasibleError names the node by index."""
+    used = [GAINS.index(name) for name in STRUCTURES[structure]]
+    objective = min(1, len(used) - 1)
+    limits = circles(specification.Ms, specification.Mt)
+    phi = [_terms(plant, notch, frequency_grid(plant))[..., used] for plant in plants]
+    rows = {node: np.concatenate([each[node] for each in phi]) for node in np.ndindex(notch.shape)}
+    gains = {node: small_gains(rows[node], limits, first=objective if loop == "velocity" else 0) for node in rows}
+    if failed := [node for node in rows if gains[node] is None]:
+        raise InfeasibleError(failed[0])
+    waiting = set(rows)
+    for _ in range(_REFINEMENTS):
+        gains |= {node: largest_gains(rows[node], gains[node], objective, limits) for node in waiting}
+        table = np.zeros((*notch.shape, len(GAINS)))
+        for node, found in gains.items():
+            table[node][used] = found
+        regulators = replace(notch, **dict(zip(GAINS, np.moveaxis(table, -1, 0), strict=True)))
+        waiting = set()
+        for plant in plants:
+            for node, omega in _excesses(Loop(plant, regulators), specification):
+                rows[node] = np.concatenate([rows[node], _terms(plant, notch, omega)[node][:, used]])
+                waiting.add(node)
+        if not waiting:
+            break
+    return regulators
+
+
+def _terms(plant: SampledFamily, notch: Regulators, omega) -> np.ndarray:
+    """(nx, ny, n, 3): what each gain contributes to the loop gain."""
+    return notch.terms(omega) * plant.frequency_response(omega)[..., None]
+
+
+def _excesses(loop: Loop, specification: Specification):
+    """(node, [omega]) of every refined peak above its limit, which the tuner's grid of frequencies has missed."""
+    margins = analyse(loop)
+    for value, limit, where in (
+        (margins.Ms, specification.Ms, margins.Ms_frequency),
+        (margins.Mt, specification.Mt, margins.Mt_frequency),
+    ):
+        for node in zip(*np.nonzero(value > limit * (1.0 + _TOLERANCE)), strict=True):
+            yield node, where[node][None]
+
+
+def _anti_windup_time(kp, ki, sample_time: float) -> float:
+    """Tt in s: the regulator's own integral time (median over the nodes), at least ten samples."""
+    times = kp[ki > 0.0] / ki[ki > 0.0]
+    return float(max(np.median(times) if times.size else 0.0, _LEAST_WINDUP_SAMPLES * sample_time))
+
+
+def _speed_gains(actuator: Actuator) -> dict[str, float]:
+    """Feed-forward per direction: the straight line v = gain (x - offset) through the operating points at |x| = 0.1 and 1."""
+    v = find_operating_points(actuator, [-1.0, -0.1, 0.1, 1.0], actuator.stroke / 2.0).v
+    gain_extend, gain_retract = (v[3] - v[2]) / 0.9, (v[1] - v[0]) / 0.9
+    return {
+        "speed_gain_extend": float(gain_extend),
+        "speed_gain_retract": float(gain_retract),
+        "speed_offset_extend": float(0.1 - v[2] / gain_extend),
+        "speed_offset_retract": float(-0.1 - v[1] / gain_retract),
+    }
