@@ -62,8 +62,9 @@ class OperatingPoints:
     def reason(self) -> np.ndarray:
         """Texts: empty where the point is feasible, else what is wrong and the way out."""
         texts = np.full(self.shape, "", dtype=object)
-        for index in zip(*np.nonzero(self._fault), strict=True):
-            texts[index] = self._sentence(index)
+        for index in np.ndindex(self.shape):
+            if self._fault[index]:
+                texts[index] = self._sentence(index)
         return texts
 
     def _sentence(self, index) -> str:

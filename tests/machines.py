@@ -1,0 +1,72 @@
+"""Machines and independent formulas that several test files use."""
+
+import numpy as np
+
+from hydroctl import Actuator, load_actuator
+
+REFERENCE = load_actuator("reference")
+LOSSLESS = REFERENCE.replace(leakage=0.0)
+DIFFERENTIAL_AREAS = np.pi / 4 * 0.1**2, np.pi / 4 * (0.1**2 - 0.056**2)
+DIFFERENTIAL = Actuator(
+    name="differential 100/56",
+    area_a=DIFFERENTIAL_AREAS[0],
+    area_b=DIFFERENTIAL_AREAS[1],
+    stroke=1.0,
+    volume_a=2e-4,
+    volume_b=2e-4 + DIFFERENTIAL_AREAS[1],
+    mass=200.0,
+    viscous_friction=4000.0,
+    bulk_modulus=1.5e9,
+    leakage=2e-13,
+    supply_pressure=210e5,
+    tank_pressure=1e5,
+    flow_coefficient=8.909e-7,
+)
+
+
+def mirrored(actuator: Actuator) -> Actuator:
+    """The machine with its two sides exchanged: y counts from the other end, x and load change sign."""
+    return actuator.replace(
+        area_a=actuator.area_b,
+        area_b=actuator.area_a,
+        volume_a=actuator.volume_b - actuator.area_b * actuator.stroke,
+        volume_b=actuator.volume_a + actuator.area_a * actuator.stroke,
+        flow_coefficient=actuator.flow_coefficient_b,
+        flow_coefficient_b=actuator.flow_coefficient,
+        load_force=-actuator.load_force,
+    )
+
+
+def paper_closed_form(actuator: Actuator, x: float) -> tuple[float, float, float]:
+    """(p_1n, p_2n, v_n) as section 3 of the source paper prints them: x > 0, no leakage, no load, tank at zero."""
+    f1, f2, p0, b, s = (
+        actuator.area_a,
+        actuator.area_b,
+        actuator.supply_pressure,
+        actuator.viscous_friction,
+        (x * actuator.flow_coefficient) ** 2,
+    )
+    cubes = f1**3 + f2**3
+    root = np.sqrt(4 * f1 * cubes * p0 * s + b**2 * s**2)
+    p_1 = (p0 * s - f1**3 * p0 * s / cubes - b**2 * f1**2 * s**2 / (2 * cubes**2) + b * f1**2 * s * root / (2 * cubes**2)) / s
+    p_2 = (f1 * f2**2 * p0 * s / cubes + b**2 * f2**2 * s**2 / (2 * cubes**2) - b * f2**2 * s * root / (2 * cubes**2)) / s
+    return p_1, p_2, (-b * s + root) / (2 * cubes)
+
+
+def balances(actuator: Actuator, x, p_a, p_b, v, load_force=0.0):
+    """The three equilibrium equations as the source paper writes them (sqrt of |dp|), each as the list of its terms."""
+    if x >= 0:
+        q_1, q_4 = x * np.sqrt(abs(actuator.supply_pressure - p_a)), -x * np.sqrt(abs(p_b - actuator.tank_pressure))
+    else:
+        q_1, q_4 = x * np.sqrt(abs(p_a - actuator.tank_pressure)), -x * np.sqrt(abs(actuator.supply_pressure - p_b))
+    leak = actuator.leakage * (p_a - p_b)
+    return (
+        (actuator.flow_coefficient * q_1, -actuator.area_a * v, -leak),
+        (actuator.flow_coefficient_b * q_4, actuator.area_b * v, leak),
+        (actuator.area_a * p_a, -actuator.area_b * p_b, -actuator.viscous_friction * v, -load_force),
+    )
+
+
+def imbalance(*arguments, **keywords) -> float:
+    """The largest sum of `balances` over its largest term."""
+    return max(abs(sum(terms)) / max(map(abs, terms)) for terms in balances(*arguments, **keywords))
