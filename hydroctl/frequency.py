@@ -11,13 +11,14 @@ fractions of the sampled model, so that thousands of models cost a few array ope
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .errors import InputError, unknown_name
 from .linearization import LinearFamily
 
+_ARRAYS = ("transition", "entry", "eigenvalues", "residues", "resonance")
 LOOPS = ("velocity", "position")
 _PRESSURE_SCALE = 1e6
 _WORST_CONDITION = 1e9
@@ -70,20 +71,13 @@ class SampledFamily:
     def take(self, indices) -> SampledFamily:
         """The members at flat `indices`, along one axis."""
         rank = len(self.shape)
+        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        return replace(self, **{name: array.reshape(-1, *array.shape[rank:])[indices] for name, array in arrays.items()})
 
-        def flat(array):
-            return array.reshape(-1, *array.shape[rank:])[indices]
-
-        return SampledFamily(
-            self.sample_time,
-            self.whole_delays,
-            flat(self.transition),
-            flat(self.entry),
-            self.output,
-            flat(self.eigenvalues),
-            flat(self.residues),
-            flat(self.resonance),
-        )
+    @classmethod
+    def stack(cls, families: list[SampledFamily]) -> SampledFamily:
+        """Families of one shape, sample time and delay, along a new first axis."""
+        return replace(families[0], **{name: np.stack([getattr(family, name) for family in families]) for name in _ARRAYS})
 
     def state_space(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(A, B, C) of the sampled models with all delays as states: (..., N, N), (..., N, 1), (1, N)."""

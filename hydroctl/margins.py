@@ -7,7 +7,7 @@ r --->(+)--- e --> C --> x --> G --+--> m          S = 1/(1 + L)     Ms = max |S
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -33,13 +33,12 @@ class Loop:
 
     def take(self, indices) -> Loop:
         """The loops at flat `indices`, along one axis."""
-        full = self.regulators.broadcast_to(self.shape)
-        return Loop(self.plant.take(indices), full.reshape(-1)[indices])
+        return Loop(self.plant.take(indices), self.regulators.reshape(-1)[indices])
 
     def poles(self) -> np.ndarray:
         """(..., N) complex poles of the sampled closed loop; stable where all lie inside the unit circle."""
         A_plant, B_plant, C_plant = self.plant.state_space()
-        A, B, C, _ = series(self.regulators.broadcast_to(self.shape).state_space(), (A_plant, B_plant, C_plant, np.zeros((1, 1))))
+        A, B, C, _ = series(self.regulators.state_space(), (A_plant, B_plant, C_plant, np.zeros((1, 1))))
         return np.linalg.eigvals(A - B @ C)
 
 
@@ -70,18 +69,6 @@ class Margins:
     gain_crossings: Crossings
     phase_crossings: Crossings
 
-    @classmethod
-    def stack(cls, results: list[Margins]) -> Margins:
-        """Several results of one shape along a new first axis."""
-        arrays = {name: np.stack([getattr(each, name) for each in results]) for name in _ARRAYS}
-        size = results[0].Ms.size
-        gains, phases = (Crossings.join([getattr(each, name) for each in results], size) for name in _CROSSINGS)
-        return cls(**arrays, gain_crossings=gains, phase_crossings=phases)
-
-
-_CROSSINGS = ("gain_crossings", "phase_crossings")
-_ARRAYS = tuple(field.name for field in fields(Margins) if field.name not in _CROSSINGS)
-
 
 @dataclass(frozen=True, eq=False)
 class Crossings:
@@ -93,12 +80,6 @@ class Crossings:
     """rad/s"""
     response: np.ndarray
     """L there"""
-
-    @classmethod
-    def join(cls, parts: list[Crossings], size: int) -> Crossings:
-        """Crossings of several stacked results of `size` loops each, with indices into the stack."""
-        index = np.concatenate([part.index + i * size for i, part in enumerate(parts)])
-        return cls(index, *(np.concatenate([getattr(part, name) for part in parts]) for name in ("omega", "response")))
 
     def select(self, wanted) -> Crossings:
         """Those whose response fulfils `wanted`."""
@@ -115,9 +96,7 @@ def analyse(loop, omega=None) -> Margins:
 
     `omega` (..., n) in rad/s must be dense enough to hold every crossing and resonance; by default `frequency_grid`.
     """
-    omega = frequency_grid(loop.plant) if omega is None else omega
-    omega = np.broadcast_to(omega, (*loop.shape, np.shape(omega)[-1])).reshape(-1, np.shape(omega)[-1])
-    flat = loop.take(np.arange(omega.shape[0]))
+    flat, omega = _flat(loop, omega)
     L = flat.frequency_response(omega)
     gains = _crossings(flat, omega, L, lambda value: np.abs(value) - 1.0)
     phases = _crossings(flat, omega, L, np.imag).select(lambda response: response.real < 0.0)
@@ -131,13 +110,35 @@ def analyse(loop, omega=None) -> Margins:
         "delay_margin": _least(size, gains.index, lag / gains.omega),
         "crossover": -_least(size, gains.index, -gains.omega),
     }
-    Ms, Ms_frequency = _peak(flat, omega, L, lambda value: 1.0 / np.abs(1.0 + value))
-    Mt, Mt_frequency = _peak(flat, omega, L, lambda value: np.abs(value / (1.0 + value)))
+    (Ms, Ms_frequency), (Mt, Mt_frequency) = (_peak(flat, omega, L, function) for function in (_sensitivity, _complementary))
     disk, _ = _peak(flat, omega, L, lambda value: np.abs(1.0 / (1.0 + value) - 0.5))
     peaks = {"Ms": Ms, "Ms_frequency": Ms_frequency, "Mt": Mt, "Mt_frequency": Mt_frequency, "disk_margin": 1.0 / disk}
     stable = np.abs(flat.poles()).max(axis=-1) < 1.0
     shaped = {name: values.reshape(loop.shape) for name, values in (worst | peaks | {"stable": stable}).items()}
     return Margins(**shaped, gain_crossings=gains, phase_crossings=phases)
+
+
+def peaks(loop):
+    """((Ms, omega), (Mt, omega)) of every loop in `loop`: the largest |S| and |T|, and where in rad/s."""
+    flat, omega = _flat(loop, None)
+    L = flat.frequency_response(omega)
+    found = (_peak(flat, omega, L, function) for function in (_sensitivity, _complementary))
+    return tuple((peak.reshape(loop.shape), where.reshape(loop.shape)) for peak, where in found)
+
+
+def _flat(loop, omega):
+    """The loops along one axis, with a row of frequencies each."""
+    omega = frequency_grid(loop.plant) if omega is None else omega
+    omega = np.broadcast_to(omega, (*loop.shape, np.shape(omega)[-1])).reshape(-1, np.shape(omega)[-1])
+    return loop.take(np.arange(omega.shape[0])), omega
+
+
+def _sensitivity(L):
+    return 1.0 / np.abs(1.0 + L)
+
+
+def _complementary(L):
+    return np.abs(L / (1.0 + L))
 
 
 def _least(size: int, index, values) -> np.ndarray:

@@ -8,7 +8,7 @@ Tustin's rule prewarped at wn. For fixed Tf and notch the loop gain is linear in
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -71,8 +71,8 @@ class Regulators:
         return self._each(lambda array: np.reshape(array, shape))
 
     def _each(self, change) -> Regulators:
-        arrays = (self.kp, self.ki, self.kd, self.notch_frequency)
-        return Regulators(self.sample_time, *(change(array) for array in arrays), self.Tf, self.zz, self.zp)
+        arrays = {name: change(getattr(self, name)) for name in (*GAINS, "notch_frequency")}
+        return replace(self, **arrays)
 
     def frequency_response(self, omega) -> np.ndarray:
         """(..., n) complex C at omega in rad/s: one row for all regulators, or a row for each."""

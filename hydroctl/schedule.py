@@ -15,7 +15,7 @@ import numpy as np
 
 from . import __version__, schedule_document
 from .actuator import PARAMETERS, Actuator
-from .errors import InputError, unknown_name
+from .errors import InputError
 from .frequency import SampledFamily, sample
 from .linearization import linearize
 from .margins import Loop, Margins, analyse
@@ -148,28 +148,29 @@ class WorstPoint:
     y: float
 
 
-def sampled_plants(actuator: Actuator, x, y, loop: str, specification: Specification) -> dict[str, SampledFamily]:
-    """The sampled design plants over the grid x by y, by label of the variant.
+def sampled_plants(actuator: Actuator, x, y, loop: str, specification: Specification) -> tuple[tuple[str, ...], SampledFamily]:
+    """(labels, models): the sampled design plants over (variants, x, y); the first variant is the nominal plant.
 
     Raises InputError for a point that no linear model can describe, with variant and reason.
     """
-    plants = {}
-    for label, plant in variants(actuator, specification.uncertainty).items():
+    plants = variants(actuator, specification.uncertainty)
+    families = []
+    for label, plant in plants.items():
         points = find_operating_points(plant, np.asarray(x, float)[:, None], np.asarray(y, float))
         if not points.feasible.all():
             raise InputError(f"{label} plant: {points.reason[~points.feasible][0]}")
         family = linearize(plant, points)
-        plants[label] = sample(family, loop=loop, sample_time=specification.sample_time, delay_samples=specification.delay_samples)
-    return plants
+        delay = specification.delay_samples
+        families.append(sample(family, loop=loop, sample_time=specification.sample_time, delay_samples=delay))
+    return tuple(plants), SampledFamily.stack(families)
 
 
 def check_margins(schedule: GainSchedule, x, y) -> ScheduleMargins:
     """Margins of `schedule` on the grid x (mx,) by y (my,), for every variant of its specification."""
-    plants = sampled_plants(schedule.actuator, x, y, schedule.loop, schedule.specification)
-    regulators = schedule.gains(np.asarray(x)[:, None], y)
-    results = [analyse(Loop(plant, regulators)) for plant in plants.values()]
+    labels, plants = sampled_plants(schedule.actuator, x, y, schedule.loop, schedule.specification)
+    regulators = schedule.gains(np.asarray(x)[:, None], y).broadcast_to(plants.shape)
     at_node = np.isin(x, schedule.x)[:, None] & np.isin(y, schedule.y)
-    return ScheduleMargins(tuple(plants), np.asarray(x), np.asarray(y), at_node, Margins.stack(results))
+    return ScheduleMargins(labels, np.asarray(x), np.asarray(y), at_node, analyse(Loop(plants, regulators)))
 
 
 def load_schedule(path: str | Path) -> GainSchedule:
@@ -204,10 +205,6 @@ def _with_midpoints(nodes: np.ndarray) -> np.ndarray:
     return np.sort(np.concatenate([nodes, middles]))
 
 
-_GAIN_UNITS = {
-    "velocity": {"kp": "s/m", "ki": "1/m", "kd": "s^2/m", "notch_frequency": "rad/s"},
-    "position": {"kp": "1/m", "ki": "1/(m*s)", "kd": "s/m", "notch_frequency": "rad/s"},
-}
 _LAW = (
     "e = r - m; d = (Tf*d + e - e_previous)/(Tf + Ts); u = notch(kp*e + I + kd*d) + x_ff; x = clip(u, limits); "
     "I = I + Ts*(ki*e + (x - u)/Tt); x acts delay_samples after the measurement; m is {measured}"
@@ -217,20 +214,23 @@ _MARGIN_UNITS = {"Ms": "1", "Mt": "1", "gain_margin": "1", "phase_margin": "rad"
 
 
 def _to_document(schedule: GainSchedule) -> schedule_document.Document:
-    d, units = schedule_document, _GAIN_UNITS[schedule.loop]
-
-    def quantity(value, unit):
-        return d.Quantity(value=float(value), unit=unit)
+    d, units = schedule_document, schedule_document.GAIN_UNITS[schedule.loop]
 
     controller = d.Controller(
+        form="parallel",
         law=_LAW.format(measured=_MEASURED[schedule.loop]),
-        sample_time=quantity(schedule.Ts, "s"),
+        sample_time=d.Time(value=schedule.Ts, unit="s"),
         delay_samples=float(schedule.delay_samples),
-        derivative_filter_time=quantity(schedule.Tf, "s"),
+        integral="forward Euler, stored in units of x",
+        derivative="backward Euler, on the error",
+        derivative_filter_time=d.Time(value=schedule.Tf, unit="s"),
+        notch="Tustin prewarped at notch_frequency",
         notch_zero_damping=float(schedule.zz),
         notch_pole_damping=float(schedule.zp),
-        limits=[-1.0, 1.0],
-        anti_windup_time=quantity(schedule.Tt, "s"),
+        set_point_weight=1,
+        limits=(-1, 1),
+        anti_windup="back-calculation from the saturated x, after the notch",
+        anti_windup_time=d.Time(value=schedule.Tt, unit="s"),
     )
     axes = [
         d.Axis(name="x", signal="previous saturated x", unit="1", values=schedule.x.tolist()),
@@ -239,47 +239,57 @@ def _to_document(schedule: GainSchedule) -> schedule_document.Document:
     tables = [d.Table(name=name, unit=unit, values=getattr(schedule, name).tolist()) for name, unit in units.items()]
     feed_forward = d.FeedForward(
         enabled=schedule.feed_forward,
-        gain_extend=quantity(schedule.speed_gain_extend, "m/s"),
-        gain_retract=quantity(schedule.speed_gain_retract, "m/s"),
+        gain_extend=d.Speed(value=schedule.speed_gain_extend, unit="m/s"),
+        gain_retract=d.Speed(value=schedule.speed_gain_retract, unit="m/s"),
         offset_extend=float(schedule.speed_offset_extend),
         offset_retract=float(schedule.speed_offset_retract),
     )
     actuator, specification = schedule.actuator, schedule.specification
+    parameters = {
+        name: d.Quantity(value=value, unit=PARAMETERS[name].metadata["unit"]) for name, value in actuator.parameters().items()
+    }
     machine = d.Machine(
         name=actuator.name,
         source=actuator.source,
         note=actuator.note,
         fingerprint=actuator.fingerprint(),
-        parameters={name: quantity(value, PARAMETERS[name].metadata["unit"]) for name, value in actuator.parameters().items()},
+        parameters=parameters,
     )
     uncertainty = specification.uncertainty
     design = d.Design(
         Ms=float(specification.Ms),
         Mt=float(specification.Mt),
         uncertainty=uncertainty if isinstance(uncertainty, str) else dict(uncertainty),
-        achieved={name: _achieved(schedule.margins.worst(name), unit) for name, unit in _MARGIN_UNITS.items()},
+        achieved=d.Margins(**{name: _achieved(schedule.margins.worst(name), unit) for name, unit in _MARGIN_UNITS.items()}),
     )
     return d.Document(
+        schema=d.SCHEMA,
+        version=d.VERSION,
         generator=f"hydroctl {__version__}",
         loop=schedule.loop,
         structure=schedule.structure,
         controller=controller,
-        scheduling=d.Scheduling(axes=axes, tables=tables),
+        scheduling=d.Scheduling(
+            interpolation="bilinear",
+            extrapolation="clipped",
+            order="row-major",
+            sides="x >= 0 uses the nodes x > 0, x < 0 the nodes x < 0",
+            axes=axes,
+            tables=tables,
+        ),
         feed_forward=feed_forward,
         actuator=machine,
         design=design,
     )
 
 
-def _achieved(worst: WorstPoint, unit: str) -> dict:
-    return {"value": worst.value, "unit": unit, "variant": worst.variant, "x": worst.x, "y": worst.y}
+def _achieved(worst: WorstPoint, unit: str) -> schedule_document.Achieved:
+    return schedule_document.Achieved(value=worst.value, unit=unit, variant=worst.variant, x=worst.x, y=worst.y)
 
 
 def _from_document(document: schedule_document.Document) -> GainSchedule:
     controller, machine, design = document.controller, document.actuator, document.design
     parameters = {name: quantity.value for name, quantity in machine.parameters.items()}
-    if faults := [unknown_name("parameter", name, PARAMETERS) for name in parameters if name not in PARAMETERS]:
-        raise InputError(faults)
     actuator = Actuator(name=machine.name, source=machine.source, note=machine.note, **parameters)
     if actuator.fingerprint() != machine.fingerprint:
         raise InputError("actuator.fingerprint does not belong to actuator.parameters; the file was changed after it was written.")
@@ -291,6 +301,7 @@ def _from_document(document: schedule_document.Document) -> GainSchedule:
         Mt=design.Mt,
         uncertainty=design.uncertainty,
         Tf=controller.derivative_filter_time.value,
+        notch_damping=(controller.notch_zero_damping, controller.notch_pole_damping) if "notch" in document.structure else None,
     )
     x, y = (np.array(axis.values) for axis in document.scheduling.axes)
     return GainSchedule(

@@ -13,11 +13,17 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from .errors import InputError
+from .actuator import PARAMETERS
+from .errors import InputError, unknown_name
 from .files import write_file
 
 SCHEMA = "hydroctl.gain-schedule"
 VERSION = 1
+GAIN_UNITS = {
+    "velocity": {"kp": "s/m", "ki": "1/m", "kd": "s^2/m", "notch_frequency": "rad/s"},
+    "position": {"kp": "1/m", "ki": "1/(m*s)", "kd": "s/m", "notch_frequency": "rad/s"},
+}
+"""units of the tables by loop, in the order of the file"""
 _LARGEST_FILE = 50_000_000
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -33,6 +39,20 @@ class Quantity(_Part):
 
     value: Number
     unit: str
+
+
+class Time(_Part):
+    """A time in s."""
+
+    value: Positive
+    unit: Literal["s"]
+
+
+class Speed(_Part):
+    """A speed in m/s, per unit of valve opening."""
+
+    value: Number
+    unit: Literal["m/s"]
 
 
 class Axis(_Part):
@@ -61,10 +81,10 @@ class Table(_Part):
 class Scheduling(_Part):
     """How gains are looked up."""
 
-    interpolation: Literal["bilinear"] = "bilinear"
-    extrapolation: Literal["clipped"] = "clipped"
-    order: Literal["row-major"] = "row-major"
-    sides: Literal["x >= 0 uses the nodes x > 0, x < 0 the nodes x < 0"] = "x >= 0 uses the nodes x > 0, x < 0 the nodes x < 0"
+    interpolation: Literal["bilinear"]
+    extrapolation: Literal["clipped"]
+    order: Literal["row-major"]
+    sides: Literal["x >= 0 uses the nodes x > 0, x < 0 the nodes x < 0"]
     axes: list[Axis]
     tables: list[Table]
 
@@ -86,30 +106,28 @@ class Scheduling(_Part):
 class Controller(_Part):
     """The regulator law."""
 
-    form: Literal["parallel"] = "parallel"
+    form: Literal["parallel"]
     law: str
-    sample_time: Quantity
+    sample_time: Time
     delay_samples: Annotated[float, Field(ge=0, allow_inf_nan=False)]
-    integral: Literal["forward Euler, stored in units of x"] = "forward Euler, stored in units of x"
-    derivative: Literal["backward Euler, on the error"] = "backward Euler, on the error"
-    derivative_filter_time: Quantity
-    notch: Literal["Tustin prewarped at notch_frequency"] = "Tustin prewarped at notch_frequency"
+    integral: Literal["forward Euler, stored in units of x"]
+    derivative: Literal["backward Euler, on the error"]
+    derivative_filter_time: Time
+    notch: Literal["Tustin prewarped at notch_frequency"]
     notch_zero_damping: Positive
     notch_pole_damping: Positive
-    set_point_weight: Literal[1.0] = 1.0
-    limits: Annotated[list[Number], Field(min_length=2, max_length=2)]
-    anti_windup: Literal["back-calculation from the saturated x, after the notch"] = (
-        "back-calculation from the saturated x, after the notch"
-    )
-    anti_windup_time: Quantity
+    set_point_weight: Literal[1]
+    limits: tuple[Literal[-1], Literal[1]]
+    anti_windup: Literal["back-calculation from the saturated x, after the notch"]
+    anti_windup_time: Time
 
 
 class FeedForward(_Part):
     """x_ff = v_ref / gain + offset for a moving reference, gain and offset by the sign of v_ref."""
 
     enabled: bool
-    gain_extend: Quantity
-    gain_retract: Quantity
+    gain_extend: Speed
+    gain_retract: Speed
     offset_extend: Number
     offset_retract: Number
 
@@ -123,6 +141,36 @@ class Machine(_Part):
     fingerprint: str
     parameters: dict[str, Quantity]
 
+    @model_validator(mode="after")
+    def _units(self):
+        if faults := [unknown_name("parameter", name, PARAMETERS) for name in self.parameters if name not in PARAMETERS]:
+            raise ValueError(" ".join(faults))
+        for name, quantity in self.parameters.items():
+            if quantity.unit != (unit := PARAMETERS[name].metadata["unit"]):
+                raise ValueError(f"unit of {name} is {quantity.unit!r}, must be {unit!r}")
+        return self
+
+
+class Achieved(_Part):
+    """The worst value of one margin, and where it is."""
+
+    value: Number
+    unit: Literal["1", "rad", "s", "rad/s"]
+    variant: str
+    x: Number
+    y: Number
+
+
+class Margins(_Part):
+    """The worst margins over nodes, midpoints and variants."""
+
+    Ms: Achieved
+    Mt: Achieved
+    gain_margin: Achieved
+    phase_margin: Achieved
+    delay_margin: Achieved
+    crossover: Achieved
+
 
 class Design(_Part):
     """The specification, and the margins that were reached."""
@@ -130,14 +178,14 @@ class Design(_Part):
     Ms: Positive
     Mt: Positive
     uncertainty: str | dict[str, tuple[Positive, Positive]]
-    achieved: dict[str, dict[str, Number | str]]
+    achieved: Margins
 
 
 class Document(_Part):
     """A whole schedule file."""
 
-    schema_: Literal["hydroctl.gain-schedule"] = Field(SCHEMA, alias="schema")
-    version: Literal[1] = VERSION
+    schema_: Literal["hydroctl.gain-schedule"] = Field(alias="schema")
+    version: Literal[1]
     generator: str
     loop: Literal["velocity", "position"]
     structure: str
@@ -146,6 +194,13 @@ class Document(_Part):
     feed_forward: FeedForward
     actuator: Machine
     design: Design
+
+    @model_validator(mode="after")
+    def _gain_units(self):
+        for table in self.scheduling.tables:
+            if table.unit != (unit := GAIN_UNITS[self.loop][table.name]):
+                raise ValueError(f"unit of table {table.name} is {table.unit!r}, must be {unit!r} for a {self.loop} loop")
+        return self
 
 
 def write(document: Document, path: str | Path) -> Path:

@@ -9,7 +9,7 @@ import numpy as np
 from ..actuator import Actuator
 from ..errors import InfeasibleError, InputError
 from ..frequency import SampledFamily, frequency_grid
-from ..margins import Loop, analyse
+from ..margins import Loop, peaks
 from ..operating_point import find_operating_points
 from ..regulators import GAINS, STRUCTURES, Regulators, require_structure
 from ..schedule import GainSchedule, sampled_plants
@@ -43,13 +43,13 @@ def tune(
     x, y = _nodes("x", x), _nodes("y", y)
     if (x == 0.0).any():
         raise InputError("x = 0 cannot be a node, because the plant has no derivative there; use a small opening of either sign.")
-    plants = sampled_plants(actuator, x, y, loop, specification)
-    natural = next(iter(plants.values())).resonance[..., 0]
+    _, plants = sampled_plants(actuator, x, y, loop, specification)
+    natural = plants.resonance[0, ..., 0]
     zz, zp = specification.notch_damping if "notch" in structure else (1.0, 1.0)
     empty = np.zeros(natural.shape)
     notch = Regulators(specification.sample_time, empty, empty, empty, natural, specification.Tf, zz, zp)
     try:
-        regulators = _synthesize(list(plants.values()), notch, structure, loop, specification)
+        regulators = _synthesize(plants, notch, structure, loop, specification)
     except InfeasibleError as error:
         i, j = error.args[0]
         raise InfeasibleError(
@@ -82,13 +82,13 @@ def _nodes(name: str, values) -> np.ndarray:
     return nodes
 
 
-def _synthesize(plants: list[SampledFamily], notch: Regulators, structure: str, loop: str, specification: Specification):
-    """Regulators (nx, ny) that hold on all `plants`, each a family (nx, ny). InfeasibleError names the node by index."""
+def _synthesize(plants: SampledFamily, notch: Regulators, structure: str, loop: str, specification: Specification) -> Regulators:
+    """Regulators (nx, ny) that hold on all `plants` (variants, nx, ny). InfeasibleError carries the node's index."""
     used = [GAINS.index(name) for name in STRUCTURES[structure]]
     objective = min(1, len(used) - 1)
     limits = circles(specification.Ms, specification.Mt)
-    phi = [_terms(plant, notch, frequency_grid(plant))[..., used] for plant in plants]
-    rows = {node: np.concatenate([each[node] for each in phi]) for node in np.ndindex(notch.shape)}
+    phi = _terms(plants, notch, frequency_grid(plants))[..., used]
+    rows = {node: np.concatenate(phi[:, *node]) for node in np.ndindex(notch.shape)}
     gains = {node: small_gains(rows[node], limits, first=objective if loop == "velocity" else 0) for node in rows}
     if failed := [node for node in rows if gains[node] is None]:
         raise InfeasibleError(failed[0])
@@ -100,29 +100,25 @@ def _synthesize(plants: list[SampledFamily], notch: Regulators, structure: str, 
             table[node][used] = found
         regulators = replace(notch, **dict(zip(GAINS, np.moveaxis(table, -1, 0), strict=True)))
         waiting = set()
-        for plant in plants:
-            for node, omega in _excesses(Loop(plant, regulators), specification):
-                rows[node] = np.concatenate([rows[node], _terms(plant, notch, omega)[node][:, used]])
-                waiting.add(node)
+        for variant, node, omega in _excesses(Loop(plants, regulators.broadcast_to(plants.shape)), specification):
+            plant = plants.take([np.ravel_multi_index((variant, *node), plants.shape)])
+            rows[node] = np.concatenate([rows[node], _terms(plant, notch[node], omega)[0][:, used]])
+            waiting.add(node)
         if not waiting:
             break
     return regulators
 
 
-def _terms(plant: SampledFamily, notch: Regulators, omega) -> np.ndarray:
-    """(nx, ny, n, 3): what each gain contributes to the loop gain."""
-    return notch.terms(omega) * plant.frequency_response(omega)[..., None]
+def _terms(plants: SampledFamily, notch: Regulators, omega) -> np.ndarray:
+    """(variants, nx, ny, n, 3): what each gain contributes to the loop gain."""
+    return notch.terms(omega) * plants.frequency_response(omega)[..., None]
 
 
 def _excesses(loop: Loop, specification: Specification):
-    """(node, [omega]) of every refined peak above its limit, which the tuner's grid of frequencies has missed."""
-    margins = analyse(loop)
-    for value, limit, where in (
-        (margins.Ms, specification.Ms, margins.Ms_frequency),
-        (margins.Mt, specification.Mt, margins.Mt_frequency),
-    ):
-        for node in zip(*np.nonzero(value > limit * (1.0 + _TOLERANCE)), strict=True):
-            yield node, where[node][None]
+    """(variant, node, [omega]) of every refined peak above its limit, which the tuner's grid of frequencies has missed."""
+    for (peak, where), limit in zip(peaks(loop), (specification.Ms, specification.Mt), strict=True):
+        for index in zip(*np.nonzero(peak > limit * (1.0 + _TOLERANCE)), strict=True):
+            yield index[0], index[1:], where[index][None]
 
 
 def _anti_windup_time(kp, ki, sample_time: float) -> float:

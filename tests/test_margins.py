@@ -1,0 +1,114 @@
+"""Margins against published loops, python-control and closed forms."""
+
+from dataclasses import dataclass, replace
+
+import control
+import numpy as np
+import pytest
+
+from hydroctl.frequency import sample
+from hydroctl.margins import Loop, analyse
+from hydroctl.regulators import Regulators
+
+TS = 1e-3
+
+
+@dataclass
+class Published:
+    """Continuous loops given as transfer functions, in the shape that `analyse` reads."""
+
+    loops: list
+
+    @property
+    def shape(self):
+        return (len(self.loops),)
+
+    def frequency_response(self, omega):
+        return np.array(
+            [loop(1j * np.broadcast_to(omega, (len(self.loops), np.shape(omega)[-1]))[i]) for i, loop in enumerate(self.loops)]
+        )
+
+    def take(self, indices):
+        return Published([self.loops[i] for i in indices])
+
+    def poles(self):
+        return np.exp(np.array([control.feedback(loop, 1).poles() for loop in self.loops]))
+
+
+@pytest.fixture(scope="module")
+def regulated(family):
+    plant = sample(family, loop="velocity", sample_time=TS, delay_samples=1)
+    gain = np.ones(plant.shape)
+    return Loop(plant, Regulators(TS, 0.3 * gain, 300.0 * gain, 1e-3 * gain, plant.resonance[..., 0], 5e-4, 0.3, 0.8))
+
+
+def test_three_equal_lags():
+    s = control.tf("s")
+    found = analyse(Published([3 / (s + 1) ** 3]), np.geomspace(1e-3, 1e2, 400))
+    assert found.gain_margin[0] == pytest.approx(8 / 3, rel=1e-12)
+    assert found.phase_crossings.omega[0] == pytest.approx(np.sqrt(3), rel=1e-12)
+    assert np.degrees(found.phase_margin[0]) == pytest.approx(41.690, abs=5e-4)
+    assert found.stable.all()
+
+
+def test_a_resonant_loop_has_three_gain_crossings():
+    s = control.tf("s")
+    loop = 8.75 * (4 * s**2 + 0.4 * s + 1) / ((100 * s + 1) * (s**2 + 0.22 * s + 1) * (s**2 / 100 + 0.008 * s + 1))
+    found = analyse(Published([loop]), np.geomspace(1e-3, 1e2, 4000))
+    np.testing.assert_allclose(np.degrees(found.gain_crossings.phase_margins()), [97.594, -157.785, 134.733], atol=1e-3)
+    upward = np.abs(found.phase_crossings.response) < 1
+    assert 1 / np.abs(found.phase_crossings.response[upward]) == pytest.approx(2.2716, abs=5e-5)
+    assert found.phase_crossings.omega[upward] == pytest.approx(10.005, abs=5e-4)
+
+
+def test_sampled_loops_agree_with_python_control(regulated):
+    found = analyse(regulated)
+    for index in ((0, 0), (2, 1)):
+        flat = np.ravel_multi_index(index, regulated.shape)
+        omega = np.geomspace(20.0, np.pi / TS, 1501)
+        response = regulated.take([flat]).frequency_response(omega)[0]
+        gm, pm, _, wpc, wgc, _ = control.stability_margins(control.frd(response, omega))
+        assert found.gain_margin[index] == pytest.approx(gm, rel=1e-4)
+        assert np.degrees(found.phase_margin[index]) == pytest.approx(pm, rel=1e-4)
+        assert found.crossover[index] == pytest.approx(wgc, rel=1e-4)
+        assert found.phase_crossings.omega[found.phase_crossings.index == flat].min() == pytest.approx(wpc, rel=1e-4)
+
+
+def test_peaks_are_found_between_grid_frequencies(regulated):
+    found = analyse(regulated)
+    flat = regulated.take(np.arange(12))
+    near = found.Ms_frequency.reshape(-1, 1) * np.linspace(0.97, 1.03, 2001)
+    dense = (1 / np.abs(1 + flat.frequency_response(near))).max(axis=-1)
+    np.testing.assert_allclose(found.Ms.ravel(), dense, rtol=1e-8)
+
+
+def test_closed_loop_poles_agree_with_python_control(regulated):
+    A, B, C = (part[1, 2] if part.ndim > 2 else part for part in regulated.plant.state_space())
+    law = control.ss(*(part[1, 2] for part in regulated.regulators.state_space()), TS)
+    closed = control.feedback(control.ss(A, B, C, 0, TS) * law, 1)
+    np.testing.assert_allclose(np.sort_complex(regulated.poles()[1, 2]), np.sort_complex(closed.poles()), atol=1e-7)
+
+
+@pytest.mark.parametrize(("factor", "stable"), [(0.999, True), (1.001, False)])
+def test_the_gain_margin_is_where_stability_ends(regulated, factor, stable):
+    law, margin = regulated.regulators, factor * analyse(regulated).gain_margin
+    scaled = replace(law, kp=margin * law.kp, ki=margin * law.ki, kd=margin * law.kd)
+    assert np.all(analyse(Loop(regulated.plant, scaled)).stable == stable)
+
+
+@pytest.mark.parametrize(("factor", "stable"), [(0.98, True), (1.02, False)])
+def test_the_delay_margin_is_where_stability_ends(family, factor, stable):
+    plant = sample(family, loop="position", sample_time=TS, delay_samples=1)
+    gain = np.ones(plant.shape)
+    law = Regulators(TS, 300.0 * gain, 0.0 * gain, 0.0 * gain, gain, 5e-4, 1.0, 1.0)
+    margin = analyse(Loop(plant, law)).delay_margin
+    later = sample(family, loop="position", sample_time=TS, delay_samples=1 + factor * margin.min() / TS)
+    worst = np.unravel_index(np.argmin(margin), margin.shape)
+    assert analyse(Loop(later, law)).stable[worst] == stable
+
+
+def test_the_disk_margin_is_never_better_than_gain_and_phase_margin(regulated):
+    found = analyse(regulated)
+    d = found.disk_margin
+    assert np.all((2 + d) / (2 - d) <= found.gain_margin * (1 + 1e-9))
+    assert np.all(2 * np.arctan(d / 2) <= found.phase_margin * (1 + 1e-9))

@@ -1,0 +1,157 @@
+"""The schedule's lookup, its file, and what the file's reader refuses."""
+
+import json
+
+import numpy as np
+import pytest
+
+import hydroctl as hc
+from hydroctl.schedule import check_margins
+
+
+@pytest.fixture(scope="module")
+def schedule(reference):
+    return hc.tune(reference, [-1.0, -0.02, 0.02, 1.0], [0.0, 0.25, 0.5], loop="position")
+
+
+@pytest.fixture(scope="module")
+def saved(schedule, tmp_path_factory):
+    return schedule.save(tmp_path_factory.mktemp("schedule") / "schedule.json")
+
+
+def test_lookup_returns_the_table_at_its_nodes(schedule):
+    found = schedule.gains(schedule.x[:, None], schedule.y)
+    for name in ("kp", "ki", "kd", "notch_frequency"):
+        np.testing.assert_allclose(getattr(found, name), getattr(schedule, name), rtol=1e-15)
+
+
+def test_lookup_is_bilinear_on_each_side(schedule):
+    found = schedule.gains(0.02 + 0.98 * 0.3, 0.25 * 0.4)
+    corner = schedule.ki[2:4, 0:2]
+    assert found.ki == pytest.approx([0.7, 0.3] @ corner @ [0.6, 0.4], rel=1e-12)
+
+
+def test_lookup_is_clipped_and_never_crosses_zero(schedule):
+    np.testing.assert_array_equal(schedule.gains([0.0, 1e-6, 0.01], -1.0).ki, schedule.ki[2, 0])
+    np.testing.assert_array_equal(schedule.gains([-1e-6, -0.01], 9.0).ki, schedule.ki[1, 2])
+    np.testing.assert_array_equal(schedule.gains([5.0], 0.25).ki, schedule.ki[3, 1])
+
+
+def test_a_schedule_with_nodes_on_one_side_serves_both(reference):
+    single = hc.tune(reference, [0.1], [0.25], specification=hc.Specification(uncertainty="nominal"))
+    np.testing.assert_array_equal(single.gains([-1.0, 0.0, 1.0], 0.3).ki, single.ki[0, 0])
+
+
+def test_the_margins_cover_nodes_and_midpoints_of_every_variant(schedule):
+    assert schedule.margins.margins.Ms.shape == (5, 6, 5)
+    assert schedule.margins.at_node.sum() == schedule.x.size * schedule.y.size
+    assert 0.0 not in schedule.margins.x
+
+
+def test_the_worst_point_is_where_the_margin_is_worst(schedule):
+    worst = schedule.margins.worst("Ms")
+    i, j = np.argmax(schedule.margins.x == worst.x), np.argmax(schedule.margins.y == worst.y)
+    k = schedule.margins.variants.index(worst.variant)
+    assert schedule.margins.margins.Ms[k, i, j] == worst.value == schedule.margins.margins.Ms.max()
+    assert schedule.margins.worst("gain_margin").value == schedule.margins.margins.gain_margin.min()
+
+
+def test_a_file_reads_back_to_the_same_bits(schedule, saved):
+    again = hc.load_schedule(saved)
+    for name in ("x", "y", "kp", "ki", "kd", "notch_frequency"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(schedule, name))
+    for name in ("loop", "structure", "zz", "zp", "Tt", "Ts", "Tf", "delay_samples", "feed_forward", "actuator", "specification"):
+        assert getattr(again, name) == getattr(schedule, name)
+    assert again.save(saved.with_name("again.json")).read_bytes() == saved.read_bytes()
+
+
+def test_every_quantity_in_the_file_has_a_unit(saved):
+    document = json.loads(saved.read_text())
+    assert {table["name"]: table["unit"] for table in document["scheduling"]["tables"]} == {
+        "kp": "1/m",
+        "ki": "1/(m*s)",
+        "kd": "s/m",
+        "notch_frequency": "rad/s",
+    }
+    assert document["actuator"]["parameters"]["leakage"] == {"value": 5e-12, "unit": "m^3/s/Pa"}
+    assert document["design"]["achieved"]["Ms"]["value"] <= 1.62
+
+
+def _every_field(node, path=()):
+    if isinstance(node, dict):
+        for key, value in node.items():
+            yield (*path, key)
+            yield from _every_field(value, (*path, key))
+    elif isinstance(node, list) and node and isinstance(node[0], dict):
+        for i, value in enumerate(node):
+            yield from _every_field(value, (*path, i))
+
+
+def _at(document, path):
+    for key in path:
+        document = document[key]
+    return document
+
+
+@pytest.mark.parametrize("change", ["remove", "mistype", "nan"])
+def test_a_file_with_any_one_field_spoilt_is_refused(saved, tmp_path, change):
+    text = saved.read_text()
+    for path in _every_field(json.loads(text)):
+        document = json.loads(text)
+        holder = _at(document, path[:-1])
+        if change == "remove":
+            del holder[path[-1]]
+        else:
+            holder[path[-1]] = {"mistype": [["?"]], "nan": float("nan")}[change]
+        file = tmp_path / "spoilt.json"
+        file.write_text(json.dumps(document))
+        if change == "remove" and path[:2] == ("actuator", "parameters") and len(path) == 3:
+            continue
+        with pytest.raises(hc.InputError, match=r"spoilt\.json"):
+            hc.load_schedule(file)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        (("version",), 2, "version 2 is unknown"),
+        (("schema",), "other", "not a gain schedule"),
+        (("scheduling", "axes", 0, "values"), [-1.0, 0.02, -0.02, 1.0], "not strictly ascending"),
+        (("scheduling", "axes", 1, "values"), [0.0, 0.25, 0.25], "not strictly ascending"),
+        (("scheduling", "axes", 0, "values"), [-1.0, 0.0, 0.02, 1.0], "must not have a node at 0"),
+        (("scheduling", "tables", 1, "values"), [[1.0, 2.0, 3.0]], "table ki is not 4 rows of 3 values"),
+        (("actuator", "parameters", "mass", "value"), 400.0, "does not belong to"),
+        (("actuator", "parameters", "mass", "value"), -400.0, "mass = -400 kg must be above 0"),
+        (("actuator", "parameters", "mass", "unit"), "g", "unit"),
+        (("controller", "sample_time", "unit"), "ms", "unit"),
+        (("structure",), "pie", "did you mean 'pi'"),
+    ],
+)
+def test_what_a_reader_must_notice(saved, tmp_path, path, value, message):
+    document = json.loads(saved.read_text())
+    _at(document, path[:-1])[path[-1]] = value
+    file = tmp_path / "changed.json"
+    file.write_text(json.dumps(document))
+    with pytest.raises(hc.InputError, match=message):
+        hc.load_schedule(file)
+
+
+@pytest.mark.parametrize("data", [b"", b"{", b"[]", b"\xff\xfe", b'{"schema": 1, "schema": 2}', b"[" * 100_000])
+def test_what_is_no_schedule_at_all(tmp_path, data):
+    file = tmp_path / "file.json"
+    file.write_bytes(data)
+    with pytest.raises(hc.InputError, match=r"file\.json"):
+        hc.load_schedule(file)
+    with pytest.raises(hc.InputError, match="cannot be read"):
+        hc.load_schedule(tmp_path / "missing.json")
+
+
+def test_a_directory_that_cannot_be_written_leaves_nothing(schedule, tmp_path):
+    with pytest.raises(hc.InputError, match="cannot be written"):
+        schedule.save(tmp_path / "missing" / "schedule.json")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_margins_of_the_nodes_alone_are_those_of_the_nodes(schedule):
+    nodes = check_margins(schedule, schedule.x, schedule.y)
+    assert nodes.worst("Ms").value == pytest.approx(schedule.margins.worst("Ms", nodes_only=True).value, rel=1e-12)

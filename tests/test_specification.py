@@ -1,0 +1,37 @@
+"""Specifications and the plants that they stand for."""
+
+import pytest
+
+import hydroctl as hc
+from hydroctl.specification import variants
+
+
+def test_corners_are_the_nominal_plant_and_four_corners_at_high_supply(reference):
+    plants = variants(reference, "corners")
+    assert len(plants) == 5
+    assert plants.pop("nominal") is reference
+    assert {(p.bulk_modulus / 1.2e9, p.mass / 500) for p in plants.values()} == {(e, m) for e in (0.7, 1.3) for m in (0.5, 1.5)}
+    assert all(p.supply_pressure == pytest.approx(1.2 * reference.supply_pressure, rel=1e-15) for p in plants.values())
+
+
+def test_ranges_of_any_parameter_give_every_combination_of_their_ends(reference):
+    plants = variants(reference, {"mass": (0.5, 2.0), "leakage": (0.1, 10.0), "viscous_friction": (1.0, 3.0)})
+    assert len(plants) == 9
+    assert len(set(plants.values())) == 9
+
+
+def test_all_faults_are_told_at_once():
+    with pytest.raises(hc.InputError) as caught:
+        hc.Specification(
+            Ms=0.9, Mt=1.0, sample_time=-1e-3, delay_samples=float("nan"), uncertainty="corner", notch_damping=(0.8, 0.2)
+        )
+    text = str(caught.value)
+    assert len(caught.value.faults) == 6
+    for part in ("Ms = 0.9", "Mt = 1.0", "sample_time = -0.001", "delay_samples = nan", "did you mean 'corners'", "notch_damping"):
+        assert part in text
+
+
+@pytest.mark.parametrize("ranges", [{"masss": (0.5, 2.0)}, {"mass": (2.0, 0.5)}, {"mass": 0.5}, {"mass": (0.0, 1.0)}, 5])
+def test_bad_ranges_are_refused(ranges):
+    with pytest.raises(hc.InputError):
+        hc.Specification(uncertainty=ranges)

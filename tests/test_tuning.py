@@ -1,0 +1,100 @@
+"""The tuner against an independent study of the reference actuator (figures: largest ki, crossover), and its own limits."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import hydroctl as hc
+from hydroctl.margins import Loop, analyse
+from hydroctl.schedule import check_margins, sampled_plants
+from hydroctl.tuning.convex import circles, largest_gains, small_gains
+
+NOMINAL = hc.Specification(uncertainty="nominal", notch_damping=(0.2, 0.7))
+STUDY = [
+    ("velocity", "pi", 477, 71),
+    ("velocity", "pid", 1771, 248),
+    ("velocity", "pi+notch", 1042, 162),
+    ("position", "pi", 14_500, 76),
+    ("position", "pi+notch", 19_600, 105),
+    ("position", "pid+notch", 32_300, 122),
+]
+CORNER_STUDY = [
+    ("velocity", "pi", 306, 43),
+    ("velocity", "pi+notch", 471, 66),
+    ("velocity", "pid", 593, 82),
+    ("velocity", "pid+notch", 776, 102),
+    ("position", "pi", 6_300, 46),
+    ("position", "pi+notch", 11_000, 69),
+]
+
+
+@pytest.mark.parametrize(("loop", "structure", "ki", "crossover"), STUDY)
+def test_largest_integral_gain_of_the_nominal_plant(reference, loop, structure, ki, crossover):
+    schedule = hc.tune(reference, [0.1], [0.25], loop=loop, structure=structure, specification=NOMINAL)
+    assert schedule.ki[0, 0] >= 0.97 * ki
+    assert schedule.ki[0, 0] <= 1.03 * ki
+    assert schedule.margins.worst("crossover").value >= 0.97 * crossover
+    assert schedule.margins.worst("Ms").value <= NOMINAL.Ms * 1.0001
+    assert schedule.margins.worst("Mt").value <= NOMINAL.Mt * 1.0001
+    assert schedule.margins.unstable == 0
+
+
+def test_the_largest_proportional_gain_of_a_position_loop(reference):
+    schedule = hc.tune(reference, [0.1], [0.25], loop="position", structure="p", specification=NOMINAL)
+    assert schedule.margins.worst("crossover").value == pytest.approx(71, rel=0.03)
+    assert schedule.margins.worst("Ms").value == pytest.approx(1.6, rel=1e-4)
+
+
+@pytest.mark.parametrize(("loop", "structure", "ki", "crossover"), CORNER_STUDY)
+def test_medians_over_the_grid_of_designs_for_the_corners(reference, loop, structure, ki, crossover):
+    schedule = hc.tune(reference, [-1.0, -0.1, 0.1, 1.0], [0.0, 0.25, 0.5], loop=loop, structure=structure)
+    nodes = check_margins(schedule, schedule.x, schedule.y)
+    assert np.median(schedule.ki) >= 0.97 * ki
+    assert np.median(nodes.margins.crossover[0]) >= 0.97 * crossover
+    assert nodes.worst("Ms").value <= 1.6 * 1.0001
+    assert nodes.unstable == 0
+
+
+def test_a_hundredth_more_integral_gain_breaks_a_limit_at_every_node(reference):
+    schedule = hc.tune(reference, [-0.5, 0.5], [0.1, 0.4])
+    _, plants = sampled_plants(reference, schedule.x, schedule.y, "velocity", schedule.specification)
+    more = replace(schedule.regulators, ki=1.01 * schedule.ki)
+    assert np.all(analyse(Loop(plants, more.broadcast_to(plants.shape))).Ms.max(axis=0) > 1.6)
+
+
+def test_the_circles_of_Ms_and_Mt_are_where_S_and_T_reach_their_limits():
+    (centre_s, radius_s), (centre_t, radius_t) = circles(1.6, 1.3)
+    angle = np.linspace(0.0, 2.0 * np.pi, 50)
+    on_s, on_t = centre_s + radius_s * np.exp(1j * angle), centre_t + radius_t * np.exp(1j * angle)
+    np.testing.assert_allclose(np.abs(1 / (1 + on_s)), 1.6, rtol=1e-12)
+    np.testing.assert_allclose(np.abs(on_t / (1 + on_t)), 1.3, rtol=1e-12)
+
+
+def test_a_pure_delay_under_integral_action_reaches_the_gain_found_by_hand():
+    """L = k e^{-j w}/(j w): the largest k with |1 + L| >= 1/1.6 everywhere, by bisection on a dense grid."""
+    omega = np.geomspace(1e-3, 50.0, 20_000)
+    phi = (np.exp(-1j * omega) / (1j * omega))[:, None]
+    low, high = 0.0, 2.0
+    for _ in range(60):
+        k = (low + high) / 2
+        low, high = (k, high) if np.abs(1 + k * phi).min() >= 1 / 1.6 else (low, k)
+    limits = [(-1.0, 1 / 1.6)]
+    found = largest_gains(phi, small_gains(phi, limits, first=0), 0, limits)
+    assert found[0] == pytest.approx(low, rel=1e-3)
+
+
+def test_zero_is_no_node(reference):
+    with pytest.raises(hc.InputError, match="x = 0 cannot be a node"):
+        hc.tune(reference, [-0.5, 0.0, 0.5], [0.1])
+
+
+@pytest.mark.parametrize("y", [[0.3, 0.1], [0.1, 0.1], [0.1, float("nan")], [[0.1, 0.2]]])
+def test_nodes_must_be_one_ascending_row(reference, y):
+    with pytest.raises(hc.InputError, match="y nodes"):
+        hc.tune(reference, [0.1], y)
+
+
+def test_a_node_outside_the_stroke_is_refused_with_its_reason(reference):
+    with pytest.raises(hc.InputError, match=r"nominal plant: .*y=0.6 m: y must be within the stroke"):
+        hc.tune(reference, [0.1], [0.1, 0.6])
