@@ -21,9 +21,20 @@ from typing import Any
 
 from .errors import InputError, unknown_name
 
+_FOLLOWS = {"flow_coefficient_b": "flow_coefficient", "breakaway_friction": "coulomb_friction"}
+"""Parameters that, left out, equal another one."""
 
-def _parameter(unit: str, text: str, *, above: float = -math.inf, least: float = -math.inf, default: Any = dataclasses.MISSING):
-    metadata = {"unit": unit, "text": text, "above": above, "least": least}
+
+def _parameter(
+    unit: str,
+    text: str,
+    *,
+    above: float = -math.inf,
+    least: float = -math.inf,
+    below: float = math.inf,
+    default: Any = dataclasses.MISSING,
+):
+    metadata = {"unit": unit, "text": text, "above": above, "least": least, "below": below}
     return field(default=default, metadata=metadata)
 
 
@@ -31,6 +42,8 @@ def _parameter(unit: str, text: str, *, above: float = -math.inf, least: float =
 class Actuator:
     """A cylinder, its valve, its supply and its load. SI throughout; symbols of the source paper in brackets.
 
+    What is left out is left out of the model: no tank pressure, load, dry friction, overlap or end stop, an ideal valve. Two
+    parameters follow another one when left out: the b edges are as the a edges, breakaway friction is Coulomb friction.
     Raises InputError with every fault at once: field, value and way out.
     """
 
@@ -52,7 +65,23 @@ class Actuator:
     tank_pressure: float = _parameter("Pa", "tank line pressure", least=0, default=0.0)
     mass: float = _parameter("kg", "moving mass [m]", above=0)
     viscous_friction: float = _parameter("N*s/m", "viscous friction [B]", least=0, default=0.0)
+    coulomb_friction: float = _parameter("N", "dry friction of the moving piston", least=0, default=0.0)
+    breakaway_friction: float | None = _parameter("N", "dry friction at rest (default: as coulomb_friction)", least=0, default=None)
+    stribeck_speed: float | None = _parameter(
+        "m/s", "speed at which breakaway friction has fallen half way to coulomb_friction", above=0, default=None
+    )
+    creep_speed: float = _parameter("m/s", "speed scale below which dry friction stands for rest", above=0, default=1e-3)
     load_force: float = _parameter("N", "constant load, positive against extension", default=0.0)
+    end_stop_stiffness: float = _parameter("N/m", "contact stiffness of both end stops (0: no stops)", least=0, default=0.0)
+    end_stop_damping: float = _parameter("s/m", "relative rise of the contact force per speed of approach", least=0, default=0.0)
+    valve_natural_frequency: float | None = _parameter(
+        "rad/s", "natural frequency of the valve as a second-order lag (default: ideal valve)", above=0, default=None
+    )
+    valve_damping: float | None = _parameter("", "damping ratio of the same lag", above=0, default=None)
+    valve_rate_limit: float | None = _parameter(
+        "1/s", "largest spool speed in full openings per second (default: none)", above=0, default=None
+    )
+    dead_band: float = _parameter("", "overlap of the valve on both sides of x = 0, as x", least=0, below=1, default=0.0)
 
     def __post_init__(self):
         faults = [fault for name in PARAMETERS if (fault := parameter_fault(name, getattr(self, name)))]
@@ -66,8 +95,9 @@ class Actuator:
         for name in PARAMETERS:
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, float(getattr(self, name)))
-        if self.flow_coefficient_b is None:
-            object.__setattr__(self, "flow_coefficient_b", self.flow_coefficient)
+        for name, leader in _FOLLOWS.items():
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, getattr(self, leader))
 
     def _contradictions(self):
         swept = self.area_b * self.stroke
@@ -81,21 +111,51 @@ class Actuator:
                 f"tank_pressure = {self.tank_pressure:g} Pa is not below supply_pressure = {self.supply_pressure:g} Pa; "
                 "give both on the same scale (both gauge or both absolute)."
             )
+        if self.breakaway_friction is not None and self.breakaway_friction < self.coulomb_friction:
+            yield (
+                f"breakaway_friction = {self.breakaway_friction:g} N is below coulomb_friction = {self.coulomb_friction:g} N; "
+                "raise it or leave it out."
+            )
+        if (self.breakaway_friction or 0.0) > self.coulomb_friction and self.stribeck_speed is None:
+            yield (
+                f"stribeck_speed is missing: breakaway_friction = {self.breakaway_friction:g} N is above coulomb_friction; "
+                "add the speed in m/s over which it falls."
+            )
+        if self.valve_natural_frequency is None:
+            for name in ("valve_damping", "valve_rate_limit"):
+                if getattr(self, name) is not None:
+                    yield f"{name} = {getattr(self, name):g} needs valve_natural_frequency; add it or leave {name} out."
+        elif self.valve_damping is None:
+            yield "valve_damping is missing: valve_natural_frequency is given; add the damping ratio of the valve."
 
     def replace(self, **changes) -> Actuator:
-        """A copy with some parameters changed, checked like a new one. An unknown name raises InputError."""
+        """A copy with some parameters changed, checked like a new one. An unknown name raises InputError.
+
+        A parameter that equals the one it follows by default keeps following it.
+        """
         known = {f.name for f in dataclasses.fields(self)}
         if faults := [unknown_name("parameter", name, known) for name in changes if name not in known]:
             raise InputError(faults)
-        return dataclasses.replace(self, **changes)
+        follow = {name: None for name, leader in _FOLLOWS.items() if getattr(self, name) == getattr(self, leader)}
+        return dataclasses.replace(self, **follow | changes)
 
-    def parameters(self) -> dict[str, float]:
-        """All physical parameters by name, in SI."""
+    def parameters(self) -> dict[str, float | None]:
+        """All physical parameters by name, in SI; None where an effect has none."""
         return {name: getattr(self, name) for name in PARAMETERS}
 
     def fingerprint(self) -> str:
         """SHA-256 of the physical parameters (not of name, source and note): equal machines, equal fingerprints."""
         return hashlib.sha256(json.dumps(self.parameters(), sort_keys=True).encode()).hexdigest()
+
+    def to_toml(self) -> str:
+        """This machine as a data sheet in SI, which `load_actuator` reads back to an equal `Actuator`, bit for bit."""
+        texts = [f"{name} = {_toml_text(getattr(self, name))}" for name in ("name", "source", "note") if getattr(self, name)]
+        numbers = [
+            f"{name} = {value!r}  # {PARAMETERS[name].metadata['unit']}".removesuffix("  # ")
+            for name, value in self.parameters().items()
+            if value is not None
+        ]
+        return "\n".join([*texts, "", *numbers, ""])
 
 
 PARAMETERS: dict[str, dataclasses.Field] = {f.name: f for f in dataclasses.fields(Actuator) if f.metadata}
@@ -108,12 +168,20 @@ def parameter_fault(name: str, value: object) -> str | None:
     if value is None and spec.default is None:
         return None
     unit = spec.metadata["unit"]
+    form, suffix = (f"in {unit}", f" {unit}") if unit else ("as a plain number", "")
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return f"{name} = {value!r} is not a number; give it in {unit}."
+        return f"{name} = {value!r} is not a number; give it {form}."
     if not math.isfinite(value):
-        return f"{name} = {value} is not finite; give {spec.metadata['text']} in {unit}."
+        return f"{name} = {value} is not finite; give {spec.metadata['text']} {form}."
     if value <= spec.metadata["above"]:
-        return f"{name} = {value:g} {unit} must be above {spec.metadata['above']:g} ({spec.metadata['text']})."
+        return f"{name} = {value:g}{suffix} must be above {spec.metadata['above']:g} ({spec.metadata['text']})."
     if value < spec.metadata["least"]:
-        return f"{name} = {value:g} {unit} must be at least {spec.metadata['least']:g} ({spec.metadata['text']})."
+        return f"{name} = {value:g}{suffix} must be at least {spec.metadata['least']:g} ({spec.metadata['text']})."
+    if value >= spec.metadata["below"]:
+        return f"{name} = {value:g}{suffix} must be below {spec.metadata['below']:g} ({spec.metadata['text']})."
     return None
+
+
+def _toml_text(text: str) -> str:
+    """A TOML basic string. JSON escapes the same way but for DEL, which TOML wants escaped too."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

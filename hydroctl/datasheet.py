@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import tomllib
+from dataclasses import MISSING
 from importlib import resources
 from pathlib import Path
 
@@ -113,7 +114,7 @@ def _choice_faults(table: dict):
             other = "" if has_makers else f", or {' and '.join(makers)}"
             yield f"{', '.join(missing)} is missing; add {'it' if len(missing) == 1 else 'them'}{other}."
     for name, spec in PARAMETERS.items():
-        if name not in table and name not in chosen and spec.default not in (None, 0.0):
+        if name not in table and name not in chosen and spec.default is MISSING:
             yield f"{name} is missing; add {spec.metadata['text']} in {spec.metadata['unit']}."
 
 

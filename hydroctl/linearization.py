@@ -3,9 +3,11 @@
 With b(z) the column by which x enters and At = A + x db/dz at the operating point z_r,
 
     tangent:  bt = b(z_r)                 the Jacobian; small-signal model, static gain dv/dx. For feedback design.
-    secant:   bt = b(z_r) - (db/dz) z_r   the paper's; x is the whole input, static gain v/x without load. For simulation.
+    secant:   bt = b(z_r) - (db/dz) z_r   the paper's; x is the whole input, static gain v/x. For simulation.
 
-Both have the same poles. From x to v there are one zero and three poles,
+Both have the same poles. A load or dry friction adds a constant to the secant model's equation of motion, so that v/x is its
+static gain only without them. Behind a dead band x is the effective opening; the columns are then scaled to the spool position,
+by its slope (tangent) or by the quotient of the two (secant). From x to v there are one zero and three poles,
 
     v/x(s) = (n1 s + n0) / (s^3 + d2 s^2 + d1 s + d0)
 """
@@ -137,12 +139,15 @@ def linearize(actuator: Actuator, points: OperatingPoints, *, form: Literal["tan
         raise InputError("points were found for another actuator; call find_operating_points with this one.")
     p = plant.parameters(actuator)
     with np.errstate(divide="ignore", invalid="ignore"):
-        A, B = plant.jacobian(points.p_a, points.p_b, points.y, points.x, p)
+        opening = plant.effective_opening(points.x, p)
+        A, B = plant.jacobian(points.p_a, points.p_b, points.v, points.y, opening, p)
         if form == "secant":
-            drop_a, drop_b = plant.pressure_gains(points.p_a, points.p_b, points.x, p)
+            drop_a, drop_b = plant.pressure_gains(points.p_a, points.p_b, opening, p)
             stiff_a, stiff_b = plant.stiffnesses(points.y, p)
-            B[..., 0, 0] += stiff_a * drop_a * points.p_a / points.x
-            B[..., 1, 0] += stiff_b * drop_b * points.p_b / points.x
+            B[..., 0, 0] += stiff_a * drop_a * points.p_a / opening
+            B[..., 1, 0] += stiff_b * drop_b * points.p_b / opening
+        if p.dead_band > 0.0:
+            B *= (plant.opening_slope(points.x, p) if form == "tangent" else opening / points.x)[..., None, None]
     A[~points.feasible], B[~points.feasible] = np.nan, np.nan
     return LinearFamily(points, form, A, B)
 

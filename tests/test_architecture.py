@@ -15,6 +15,7 @@ LAYERS = (
     ("units", "polynomials", "files"),
     ("actuator",),
     ("datasheet", "plant"),
+    ("equilibrium",),
     ("operating_point",),
     ("linearization",),
     ("reduction",),
