@@ -245,9 +245,8 @@ def _to_document(schedule: GainSchedule) -> schedule_document.Document:
         offset_retract=float(schedule.speed_offset_retract),
     )
     actuator, specification = schedule.actuator, schedule.specification
-    parameters = {
-        name: d.Quantity(value=value, unit=PARAMETERS[name].metadata["unit"]) for name, value in actuator.parameters().items()
-    }
+    given = {name: value for name, value in actuator.parameters().items() if value is not None}
+    parameters = {name: d.Quantity(value=value, unit=PARAMETERS[name].metadata["unit"]) for name, value in given.items()}
     machine = d.Machine(
         name=actuator.name,
         source=actuator.source,
