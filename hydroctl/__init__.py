@@ -18,10 +18,13 @@ _HOME = {
     "InfeasibleError": "errors",
     "InputError": "errors",
     "OperatingPointError": "errors",
+    "PoorFitWarning": "surfaces",
     "find_operating_points": "operating_point",
+    "fit_surfaces": "surfaces",
     "linearize": "linearization",
     "list_actuators": "datasheet",
     "load_actuator": "datasheet",
+    "reduce_order": "reduction",
 }
 
 __all__ = sorted(_HOME)

@@ -12,12 +12,12 @@ import hydroctl
 PACKAGE = Path(hydroctl.__file__).parent
 LAYERS = (
     ("errors",),
-    ("units", "polynomials"),
+    ("units", "polynomials", "second_order", "region"),
     ("actuator",),
-    ("datasheet", "plant"),
+    ("datasheet", "plant", "bases"),
     ("operating_point",),
     ("linearization",),
-    ("reduction",),
+    ("reduction", "quasi_linear"),
     ("surfaces",),
     ("paper", "identification", "frequency"),
     ("regulators",),
