@@ -22,12 +22,15 @@ _HOME = {
     "InputError": "errors",
     "OperatingPointError": "errors",
     "Specification": "specification",
+    "PoorFitWarning": "surfaces",
     "find_operating_points": "operating_point",
+    "fit_surfaces": "surfaces",
     "linearize": "linearization",
     "list_actuators": "datasheet",
     "load_actuator": "datasheet",
     "load_schedule": "schedule",
     "tune": "tuning",
+    "reduce_order": "reduction",
 }
 
 __all__ = sorted(_HOME)

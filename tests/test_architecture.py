@@ -12,13 +12,13 @@ import hydroctl
 PACKAGE = Path(hydroctl.__file__).parent
 LAYERS = (
     ("errors",),
-    ("units", "polynomials", "files"),
+    ("units", "polynomials", "files", "second_order", "region"),
     ("actuator",),
-    ("datasheet", "plant"),
+    ("datasheet", "plant", "bases"),
     ("equilibrium",),
     ("operating_point",),
     ("linearization",),
-    ("reduction",),
+    ("reduction", "quasi_linear"),
     ("surfaces",),
     ("paper", "identification", "frequency"),
     ("regulators", "specification"),
