@@ -29,6 +29,7 @@ _HOME = {
     "list_actuators": "datasheet",
     "load_actuator": "datasheet",
     "load_schedule": "schedule",
+    "save_actuator": "datasheet",
     "tune": "tuning",
     "reduce_order": "reduction",
 }

@@ -1,10 +1,16 @@
-"""Data sheets: one TOML file, one machine. `load_actuator` reads it, `list_actuators` names the shipped ones.
+"""Data sheets: one TOML file, one machine. `load_actuator` reads it, `save_actuator` writes it, `list_actuators` names the
+shipped ones.
 
 Keys are the parameters of `Actuator`, in SI or with a unit ("210 bar"), or one of the ways a maker states them:
 
     bore_diameter, rod_diameter            instead of  area_a, area_b
+        rod_diameter_a                     too, where a second rod leaves through the cap side
     dead_volume_a, dead_volume_b           instead of  volume_a, volume_b     (each side at its own end of the stroke)
-    rated_flow, rated_pressure_drop        instead of  flow_coefficient       (the drop over one edge, at x = 1)
+        hose_volume_a, hose_volume_b       too, for the lines, or hose_volume in all, half on each side
+    rated_flow, and its pressure drop      instead of  flow_coefficient       (at x = 1)
+        rated_pressure_drop_per_edge       the drop over one edge, or
+        rated_pressure_drop_per_valve      the drop over both edges in series, half on each
+        rated_flow_b                       too, where the b edges pass another flow at that drop
 """
 
 from __future__ import annotations
@@ -14,26 +20,43 @@ import tomllib
 from dataclasses import MISSING
 from importlib import resources
 from pathlib import Path
+from typing import NamedTuple
 
 from .actuator import PARAMETERS, Actuator, parameter_fault
 from .errors import InputError, unknown_name
+from .files import write_file
 from .units import to_si
 
-_TEXTS = ("name", "source", "note")
-_MAKERS = {
-    "bore_diameter": "m",
-    "rod_diameter": "m",
-    "dead_volume_a": "m^3",
-    "dead_volume_b": "m^3",
-    "rated_flow": "m^3/s",
-    "rated_pressure_drop": "Pa",
-}
-_UNITS = {name: spec.metadata["unit"] for name, spec in PARAMETERS.items()} | _MAKERS
-_ALTERNATIVES = (
-    (("area_a", "area_b"), ("bore_diameter", "rod_diameter")),
-    (("volume_a", "volume_b"), ("dead_volume_a", "dead_volume_b")),
-    (("flow_coefficient",), ("rated_flow", "rated_pressure_drop")),
+
+class _Way(NamedTuple):
+    """Two ways to state the same parameters: those of `Actuator`, or a maker's. `both` need each other, `one_of` is a choice."""
+
+    direct: tuple[str, ...]
+    direct_extra: tuple[str, ...]
+    both: tuple[str, ...]
+    one_of: tuple[str, ...]
+    extra: tuple[str, ...]
+
+    @property
+    def makers(self) -> tuple[str, ...]:
+        return (*self.both, *self.one_of, *self.extra)
+
+
+_WAYS = (
+    _Way(("area_a", "area_b"), (), ("bore_diameter", "rod_diameter"), (), ("rod_diameter_a",)),
+    _Way(("volume_a", "volume_b"), (), ("dead_volume_a", "dead_volume_b"), (), ("hose_volume", "hose_volume_a", "hose_volume_b")),
+    _Way(
+        ("flow_coefficient",),
+        ("flow_coefficient_b",),
+        ("rated_flow",),
+        ("rated_pressure_drop_per_edge", "rated_pressure_drop_per_valve"),
+        ("rated_flow_b",),
+    ),
 )
+_UNIT_OF = {"diameter": "m", "volume": "m^3", "flow": "m^3/s", "pressure": "Pa"}
+_MAKERS = {key: next(unit for word, unit in _UNIT_OF.items() if word in key) for way in _WAYS for key in way.makers}
+_UNITS = {name: spec.metadata["unit"] for name, spec in PARAMETERS.items()} | _MAKERS
+_TEXTS = ("name", "source", "note")
 _LARGEST_FILE = 1_000_000
 
 
@@ -64,6 +87,11 @@ def load_actuator(name_or_path: str | Path) -> Actuator:
     return _actuator(path.stem, data, str(path))
 
 
+def save_actuator(actuator: Actuator, path: str | Path) -> Path:
+    """Write `actuator.to_toml()` to `path`, whole or not at all; `load_actuator` gives an equal `Actuator` back."""
+    return write_file(path, actuator.to_toml().encode())
+
+
 def _shipped():
     return resources.files("hydroctl") / "actuators"
 
@@ -91,12 +119,7 @@ def _fields(table: dict) -> dict:
         except InputError as error:
             faults += error.faults
     faults += _choice_faults(table)
-    faults += [f"{key} = {values[key]:g} {_MAKERS[key]} must be above 0." for key in _MAKERS if values.get(key, 1.0) <= 0]
-    if values.get("rod_diameter", 0.0) >= values.get("bore_diameter", math.inf):
-        faults.append(
-            f"rod_diameter = {values['rod_diameter']:g} m is not below bore_diameter = {values['bore_diameter']:g} m; "
-            "give the two the right way round."
-        )
+    faults += _makers_faults(values)
     if faults:
         faults += [fault for key in values if key in PARAMETERS and (fault := parameter_fault(key, values[key]))]
         raise InputError(faults)
@@ -105,28 +128,54 @@ def _fields(table: dict) -> dict:
 
 def _choice_faults(table: dict):
     """Missing and doubly given parameters."""
-    chosen = {name for pair in _ALTERNATIVES for way in pair for name in way}
-    for direct, makers in _ALTERNATIVES:
-        has_direct, has_makers = ([key for key in way if key in table] for way in (direct, makers))
-        if has_direct and has_makers:
-            yield f"{', '.join(has_direct)} and {', '.join(has_makers)} are both given; keep one way to state it."
-        elif missing := [key for key in (makers if has_makers else direct) if key not in table]:
-            other = "" if has_makers else f", or {' and '.join(makers)}"
+    chosen = {name for way in _WAYS for name in way.direct}
+    for way in _WAYS:
+        direct = [key for key in (*way.direct, *way.direct_extra) if key in table]
+        makers = [key for key in way.makers if key in table]
+        if direct and makers:
+            yield f"{', '.join(direct)} and {', '.join(makers)} are both given; keep one way to state it."
+            continue
+        if missing := [key for key in (way.both if makers else way.direct) if key not in table]:
+            other = "" if makers else f", or {' and '.join(way.both)}"
             yield f"{', '.join(missing)} is missing; add {'it' if len(missing) == 1 else 'them'}{other}."
+        drops = [key for key in way.one_of if key in table]
+        if way.one_of and makers and len(drops) != 1:
+            yield f"{' and '.join(drops) or 'the pressure drop of rated_flow'} given; give one of {' and '.join(way.one_of)}."
+    if "hose_volume" in table and ("hose_volume_a" in table or "hose_volume_b" in table):
+        yield "hose_volume is given in all and per side; keep hose_volume, or hose_volume_a and hose_volume_b."
     for name, spec in PARAMETERS.items():
         if name not in table and name not in chosen and spec.default is MISSING:
             yield f"{name} is missing; add {spec.metadata['text']} in {spec.metadata['unit']}."
+
+
+def _makers_faults(values: dict):
+    """Makers' data outside their bounds."""
+    for key in (key for key in _MAKERS if key in values):
+        if key.startswith("hose"):
+            if values[key] < 0.0:
+                yield f"{key} = {values[key]:g} m^3 must be at least 0; leave it out where there are no lines."
+        elif values[key] <= 0.0:
+            yield f"{key} = {values[key]:g} {_MAKERS[key]} must be above 0; give its size."
+    bore = values.get("bore_diameter", math.inf)
+    for rod in ("rod_diameter", "rod_diameter_a"):
+        if values.get(rod, 0.0) >= bore:
+            yield f"{rod} = {values[rod]:g} m is not below bore_diameter = {bore:g} m; give them the right way round."
 
 
 def _converted(values: dict) -> dict:
     """Makers' data turned into parameters of `Actuator`."""
     fields = {key: value for key, value in values.items() if key in PARAMETERS}
     if "bore_diameter" in values:
-        fields["area_a"] = math.pi / 4 * values["bore_diameter"] ** 2
-        fields["area_b"] = fields["area_a"] - math.pi / 4 * values["rod_diameter"] ** 2
+        for side, rod in (("a", "rod_diameter_a"), ("b", "rod_diameter")):
+            fields[f"area_{side}"] = math.pi / 4 * (values["bore_diameter"] ** 2 - values.get(rod, 0.0) ** 2)
     if "dead_volume_a" in values:
-        fields["volume_a"] = values["dead_volume_a"]
-        fields["volume_b"] = values["dead_volume_b"] + fields["area_b"] * values["stroke"]
+        for side, swept in (("a", 0.0), ("b", fields["area_b"] * values["stroke"])):
+            hose = values.get(f"hose_volume_{side}", values.get("hose_volume", 0.0) / 2.0)
+            fields[f"volume_{side}"] = values[f"dead_volume_{side}"] + hose + swept
     if "rated_flow" in values:
-        fields["flow_coefficient"] = values["rated_flow"] / math.sqrt(values["rated_pressure_drop"])
+        edges = 2.0 if "rated_pressure_drop_per_valve" in values else 1.0
+        root = math.sqrt(values.get("rated_pressure_drop_per_valve", values.get("rated_pressure_drop_per_edge")))
+        fields["flow_coefficient"] = values["rated_flow"] * math.sqrt(edges) / root
+        if "rated_flow_b" in values:
+            fields["flow_coefficient_b"] = values["rated_flow_b"] * math.sqrt(edges) / root
     return fields

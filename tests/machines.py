@@ -1,6 +1,7 @@
 """Machines and independent formulas that several test files use."""
 
 import numpy as np
+from hypothesis import strategies as st
 
 from hydroctl import Actuator, load_actuator
 
@@ -70,3 +71,34 @@ def balances(actuator: Actuator, x, p_a, p_b, v, load_force=0.0):
 def imbalance(*arguments, **keywords) -> float:
     """The largest sum of `balances` over its largest term."""
     return max(abs(sum(terms)) / max(map(abs, terms)) for terms in balances(*arguments, **keywords))
+
+
+@st.composite
+def machines(draw) -> Actuator:
+    """Physically valid machines over the sizes that are built: bores 25 to 500 mm, 50 to 350 bar, 1 kg to 100 t."""
+
+    def between(low, high):
+        """Evenly in the logarithm."""
+        return float(np.exp(draw(st.floats(np.log(low), np.log(high)))))
+
+    bore, stroke, supply = between(0.025, 0.5), between(0.05, 5.0), between(50e5, 350e5)
+    area_a = np.pi / 4 * bore**2
+    area_b = area_a * draw(st.floats(0.3, 1.0))
+    dead_a, dead_b = between(0.01, 0.5) * area_a * stroke, between(0.01, 0.5) * area_b * stroke
+    flow = between(0.02, 1.0) * area_a / np.sqrt(supply / 2)  # 0.02 to 1 m/s at half the supply pressure
+    return Actuator(
+        area_a=area_a,
+        area_b=area_b,
+        stroke=stroke,
+        volume_a=dead_a,
+        volume_b=dead_b + area_b * stroke,
+        bulk_modulus=between(0.5e9, 2e9),
+        leakage=draw(st.sampled_from([0.0, 1.0])) * between(1e-5, 1e-2) * flow / np.sqrt(supply),
+        flow_coefficient=flow,
+        flow_coefficient_b=flow * draw(st.floats(0.4, 1.5)),
+        supply_pressure=supply,
+        tank_pressure=draw(st.floats(0.0, 10e5)),
+        mass=between(1.0, 1e5),
+        viscous_friction=draw(st.sampled_from([0.0, 1.0])) * between(10.0, 1e5),
+        load_force=draw(st.floats(-0.2, 0.2)) * area_b * supply,
+    )

@@ -1,0 +1,88 @@
+"""Checks of the parameters, copies, fingerprints, the data sheet written out."""
+
+import dataclasses
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from machines import DIFFERENTIAL, REFERENCE, machines
+
+import hydroctl as hc
+from hydroctl.actuator import PARAMETERS
+
+
+def _with(**changes):
+    fields = {f.name: getattr(DIFFERENTIAL, f.name) for f in dataclasses.fields(DIFFERENTIAL)}
+    return hc.Actuator(**fields | changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"mass": 0.0}, "mass = 0 kg must be above 0"),
+        ({"mass": -1}, "mass = -1 kg must be above 0"),
+        ({"leakage": -1e-13}, "leakage = -1e-13 .* must be at least 0"),
+        ({"stroke": math.nan}, "stroke = nan is not finite"),
+        ({"bulk_modulus": math.inf}, "bulk_modulus = inf is not finite"),
+        ({"area_a": True}, "area_a = True is not a number"),
+        ({"area_a": "large"}, "area_a = 'large' is not a number"),
+        ({"supply_pressure": None}, "supply_pressure = None is not a number"),
+        ({"dead_band": 1.0}, "dead_band = 1 must be below 1"),
+        ({"creep_speed": 0.0}, "creep_speed = 0 m/s must be above 0"),
+        ({"volume_b": 1e-3}, "volume_b = 0.001 m.3 is used up before the end of the stroke"),
+        ({"tank_pressure": 210e5}, "tank_pressure = 2.1e.07 Pa is not below supply_pressure"),
+        ({"coulomb_friction": 200.0, "breakaway_friction": 100.0}, "breakaway_friction = 100 N is below coulomb_friction"),
+        ({"breakaway_friction": 100.0}, "stribeck_speed is missing"),
+        ({"valve_natural_frequency": 300.0}, "valve_damping is missing"),
+        ({"valve_damping": 0.7}, "valve_damping = 0.7 needs valve_natural_frequency"),
+        ({"valve_rate_limit": 10.0}, "valve_rate_limit = 10 needs valve_natural_frequency"),
+        ({"name": 7}, "name = 7 is not a text"),
+    ],
+)
+def test_a_fault_names_field_value_and_way_out(changes, words):
+    with pytest.raises(hc.InputError, match=words) as caught:
+        _with(**changes)
+    assert len(caught.value.faults) == 1
+
+
+def test_all_faults_come_at_once():
+    with pytest.raises(hc.InputError) as caught:
+        _with(mass=-1.0, stroke=0.0, leakage=math.nan)
+    assert len(caught.value.faults) == 3
+
+
+def test_replace_refuses_an_unknown_name_and_names_the_nearest():
+    with pytest.raises(hc.InputError, match="parameter 'bulk_module' is unknown; did you mean 'bulk_modulus'"):
+        REFERENCE.replace(bulk_module=1e9)
+
+
+def test_a_parameter_that_follows_another_keeps_following_it_in_a_copy():
+    assert REFERENCE.replace(flow_coefficient=2e-6).flow_coefficient_b == 2e-6
+    assert REFERENCE.replace(coulomb_friction=50.0).breakaway_friction == 50.0
+    unequal = REFERENCE.replace(flow_coefficient_b=5e-7)
+    assert unequal.replace(flow_coefficient=2e-6).flow_coefficient_b == 5e-7
+
+
+def test_the_fingerprint_sees_the_physics_and_not_the_texts():
+    assert REFERENCE.replace(name="other", note="other").fingerprint() == REFERENCE.fingerprint()
+    for name, value in REFERENCE.parameters().items():
+        if value and name != "flow_coefficient":
+            assert REFERENCE.replace(**{name: value * (1 + 1e-15)}).fingerprint() != REFERENCE.fingerprint()
+
+
+def test_an_actuator_cannot_change():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        REFERENCE.mass = 1.0
+
+
+def test_every_parameter_says_its_unit_and_what_it_is():
+    assert all(spec.metadata["text"] and isinstance(spec.metadata["unit"], str) for spec in PARAMETERS.values())
+
+
+@settings(max_examples=60, deadline=None)
+@given(machine=machines(), name=st.text(max_size=20), note=st.text(max_size=40))
+def test_an_actuator_written_as_a_data_sheet_reads_back_bit_for_bit(machine, name, note, tmp_path_factory):
+    named = machine.replace(name=name or "unnamed", note=note)
+    path = hc.save_actuator(named, tmp_path_factory.getbasetemp() / "machine.toml")
+    assert hc.load_actuator(path) == named

@@ -1,0 +1,211 @@
+"""Shipped machines, makers' data, and data sheets that cannot be used."""
+
+import math
+
+import numpy as np
+import pytest
+
+import hydroctl as hc
+
+GOOD = {
+    "bore_diameter": '"100 mm"',
+    "rod_diameter": '"56 mm"',
+    "stroke": '"1 m"',
+    "dead_volume_a": '"0.2 L"',
+    "dead_volume_b": '"0.2 L"',
+    "bulk_modulus": '"1.5 GPa"',
+    "rated_flow": '"100 L/min"',
+    "rated_pressure_drop_per_edge": '"35 bar"',
+    "supply_pressure": '"210 bar"',
+    "tank_pressure": '"1 bar"',
+    "mass": '"200 kg"',
+}
+
+
+def _sheet(changes: dict) -> str:
+    lines = {key: value for key, value in (GOOD | changes).items() if value is not None}
+    return "\n".join(f"{key} = {value}" for key, value in lines.items())
+
+
+def _load(tmp_path, changes: dict) -> hc.Actuator:
+    path = tmp_path / "machine.toml"
+    path.write_text(_sheet(changes))
+    return hc.load_actuator(path)
+
+
+def test_at_least_six_machines_are_shipped_and_each_says_its_source():
+    names = hc.list_actuators()
+    assert len(names) >= 6
+    for name in names:
+        actuator = hc.load_actuator(name)
+        assert actuator.name == name
+        assert actuator.source
+        assert "ASSUMED" in actuator.note
+
+
+@pytest.mark.parametrize("name", hc.list_actuators())
+def test_a_shipped_machine_has_usable_points_and_stable_models(name):
+    actuator = hc.load_actuator(name)
+    x = np.array([-1.0, -0.5, -0.1, 0.1, 0.5, 1.0])[:, None]
+    points = hc.find_operating_points(actuator, x, np.linspace(0.0, actuator.stroke, 5))
+    assert points.feasible.all()
+    assert points.residual.max() <= 1e-12
+    assert (hc.linearize(actuator, points).poles().real < 0).all()
+
+
+def test_the_shipped_differential_cylinder_has_its_published_dynamics():
+    actuator = hc.load_actuator("differential_100_56")
+    points = hc.find_operating_points(actuator, [0.5], 0.5)
+    family = hc.linearize(actuator, points)
+    # 1e-4 relative in flow: the published numbers were computed with the flow coefficient rounded to 8.909e-7
+    np.testing.assert_allclose(points.v[0], 0.2250057, rtol=1e-4)
+    np.testing.assert_allclose(family.poles()[0, 1], -24.70069 + 432.71317j, rtol=1e-4)
+
+
+def test_the_symmetric_cylinder_has_the_natural_frequency_of_its_textbook():
+    actuator = hc.load_actuator("symmetric_servo")
+    textbook = 32.3e-4 * math.sqrt(2 * 1200e6 / (819e-6 * 450))  # A sqrt(2 beta/(V M)), V on each side
+    pole = hc.linearize(actuator, hc.find_operating_points(actuator, [1e-4], 0.2)).poles()[0, 1]
+    # lossless at small openings but for viscous friction, which moves |s| by second order, (B/(2 m w))^2 = 2e-4
+    assert abs(pole) == pytest.approx(textbook, rel=2e-4)
+
+
+def test_makers_data_become_parameters(tmp_path):
+    actuator = _load(tmp_path, {})
+    assert actuator.area_a == pytest.approx(math.pi / 4 * 0.01, rel=1e-15)
+    assert actuator.area_b == pytest.approx(math.pi / 4 * (0.01 - 0.056**2), rel=1e-15)
+    assert actuator.volume_a == 2e-4
+    assert actuator.volume_b == pytest.approx(2e-4 + actuator.area_b, rel=1e-15)
+    assert actuator.flow_coefficient == pytest.approx(0.1 / 60 / math.sqrt(35e5), rel=1e-15)
+
+
+def test_hoses_second_rods_unequal_edges_and_drops_over_the_valve(tmp_path):
+    plain = _load(tmp_path, {})
+    hoses = _load(tmp_path, {"hose_volume_a": '"0.5 L"', "hose_volume_b": 0.0})
+    assert hoses.volume_a - plain.volume_a == pytest.approx(5e-4)
+    assert hoses.volume_b == plain.volume_b
+    shared = _load(tmp_path, {"hose_volume": '"0.6 L"'})
+    assert (shared.volume_a - plain.volume_a, shared.volume_b - plain.volume_b) == pytest.approx((3e-4, 3e-4))
+    double = _load(tmp_path, {"rod_diameter_a": '"56 mm"'})
+    assert double.area_a == double.area_b == plain.area_b
+    valve = _load(
+        tmp_path, {"rated_pressure_drop_per_edge": None, "rated_pressure_drop_per_valve": '"70 bar"', "rated_flow_b": '"50 L/min"'}
+    )
+    assert valve.flow_coefficient == pytest.approx(plain.flow_coefficient, rel=1e-15)
+    assert valve.flow_coefficient_b == pytest.approx(plain.flow_coefficient / 2, rel=1e-15)
+
+
+# changes to a good sheet, and the words of each fault that must be told
+MALFORMED = [
+    ({"stroke": '"1 bar"'}, ["stroke = '1 bar' has an unknown unit or one of the wrong dimension"]),
+    ({"stroke": '"3,5 mm"'}, ["stroke = '3,5 mm' is not one number with one unit"]),
+    ({"rated_flow": '"40 L/min @ 70 bar"'}, ["rated_flow = '40 L/min @ 70 bar' is not one number"]),
+    ({"stroke": '"4..20"'}, ["stroke = '4..20' is not one number"]),
+    ({"stroke": '"10 ± 1 mm"'}, ["stroke = '10 ± 1 mm' is not one number"]),
+    ({"stroke": '"one metre"'}, ["stroke = 'one metre' is not one number"]),
+    ({"stroke": '""'}, ["stroke = '' is not one number"]),
+    ({"stroke": '"10 parsnips"'}, ["stroke = '10 parsnips' has an unknown unit"]),
+    ({"stroke": "nan"}, ["stroke = nan is not finite"]),
+    ({"stroke": "inf"}, ["stroke = inf is not finite"]),
+    ({"stroke": '"1e400 m"'}, ["stroke = '1e400 m' is not finite"]),
+    ({"mass": "true"}, ["mass = True is not a quantity"]),
+    ({"mass": "[200]"}, ["mass = [200] is not a quantity"]),
+    ({"mass": "{ value = 200 }"}, ["mass = {'value': 200} is not a quantity"]),
+    ({"mass": "2024-05-01"}, ["mass = datetime.date(2024, 5, 1) is not a quantity"]),
+    ({"mass": "0"}, ["mass = 0 kg must be above 0"]),
+    ({"mass": '"-200 kg"'}, ["mass = -200 kg must be above 0"]),
+    ({"mass": '"200 lb/ft"'}, ["mass = '200 lb/ft' has an unknown unit or one of the wrong dimension"]),
+    ({"mass": None}, ["mass is missing"]),
+    ({"stroke": "0"}, ["stroke = 0 m must be above 0"]),
+    ({"leakage": "-1e-13"}, ["leakage = -1e-13 m^3/s/Pa must be at least 0"]),
+    ({"rod_diameter": '"100 mm"'}, ["rod_diameter = 0.1 m is not below bore_diameter = 0.1 m"]),
+    ({"rod_diameter": '"0.2 m"'}, ["rod_diameter = 0.2 m is not below bore_diameter"]),
+    ({"rod_diameter": '"-5 mm"'}, ["rod_diameter = -0.005 m must be above 0"]),
+    ({"rod_diameter_a": '"120 mm"'}, ["rod_diameter_a = 0.12 m is not below bore_diameter"]),
+    ({"tank_pressure": '"210 bar"'}, ["tank_pressure = 2.1e+07 Pa is not below supply_pressure"]),
+    ({"tank_pressure": '"-1 bar"'}, ["tank_pressure = -100000 Pa must be at least 0"]),
+    ({"dead_volume_a": "0"}, ["dead_volume_a = 0 m^3 must be above 0"]),
+    ({"dead_volume_b": None}, ["dead_volume_b is missing"]),
+    ({"hose_volume_a": '"-1 L"'}, ["hose_volume_a = -0.001 m^3 must be at least 0"]),
+    ({"hose_volume": '"1 L"', "hose_volume_a": '"1 L"'}, ["hose_volume is given in all and per side"]),
+    ({"area_a": '"50 cm^2"'}, ["area_a and bore_diameter, rod_diameter are both given"]),
+    ({"flow_coefficient": "1e-6"}, ["flow_coefficient and rated_flow, rated_pressure_drop_per_edge are both given"]),
+    ({"rated_pressure_drop_per_edge": None}, ["give one of rated_pressure_drop_per_edge and rated_pressure_drop_per_valve"]),
+    ({"rated_pressure_drop_per_valve": '"70 bar"'}, ["give one of rated_pressure_drop_per_edge and rated_pressure_drop_per_valve"]),
+    ({"rated_flow": "0"}, ["rated_flow = 0 m^3/s must be above 0"]),
+    ({"rated_flow": None}, ["rated_flow is missing"]),
+    ({"rated_pressure_drop": '"35 bar"'}, ["key 'rated_pressure_drop' is unknown; did you mean 'rated_pressure_drop_per"]),
+    ({"bulk_modulous": '"1.5 GPa"'}, ["key 'bulk_modulous' is unknown; did you mean 'bulk_modulus'"]),
+    ({"valve": "{ natural_frequency = 300 }"}, ["key 'valve' is unknown"]),
+    ({"name": "7"}, ["name = 7 is not a text"]),
+    ({"dead_band": '"5 mm"'}, ["dead_band = '5 mm' has an unknown unit or one of the wrong dimension; write a plain number"]),
+    ({"dead_band": "1.5"}, ["dead_band = 1.5 must be below 1"]),
+    ({"valve_natural_frequency": '"50 Hz"'}, ["valve_damping is missing"]),
+    ({"valve_damping": "0.7"}, ["valve_damping = 0.7 needs valve_natural_frequency"]),
+    ({"breakaway_friction": '"1 kN"'}, ["stribeck_speed is missing"]),
+    (
+        {"mass": "-1", "stroke": '"3,5 mm"', "colour": '"red"', "supply_pressure": None},
+        ["mass = -1 kg", "stroke", "colour", "supply_pressure"],
+    ),
+    (
+        dict.fromkeys(GOOD),
+        ["area_a, area_b is missing", "volume_a, volume_b", "flow_coefficient", "stroke", "bulk", "supply", "mass"],
+    ),
+]
+
+
+@pytest.mark.parametrize(("changes", "words"), MALFORMED, ids=lambda value: ",".join(value)[:40])
+def test_a_malformed_sheet_gives_one_message_per_fault(tmp_path, changes, words):
+    with pytest.raises(hc.InputError) as caught:
+        _load(tmp_path, changes)
+    faults = caught.value.faults
+    assert len(faults) == len(words), faults
+    for word in words:
+        assert any(word in fault for fault in faults), (word, faults)
+    for fault in faults:
+        assert fault.startswith(f"{tmp_path / 'machine.toml'}: ")
+        assert fault.endswith((".", "?"))
+        assert "\n" not in fault
+
+
+UNREADABLE = {
+    "empty": (b"", "is missing"),
+    "binary": (bytes(range(256)), "is not UTF-8 text"),
+    "utf16": ("mass = 1".encode("utf-16"), "is not UTF-8 text"),
+    "large": (b"# text\n" * 1_500_000, "more than 1000 kB is no data sheet"),
+    "duplicate": (b"mass = 1\nmass = 2\n", "not valid TOML"),
+    "no value": (b"mass\n", "not valid TOML"),
+    "open quote": (b'mass = "200 kg\n', "not valid TOML"),
+    "json": (b'{"mass": 200}', "not valid TOML"),
+    "deep": (b"mass = " + b"[" * 5000 + b"]" * 5000, "machine.toml"),
+    "section": (b"[mass]\nvalue = 1\n", "mass = {'value': 1} is not a quantity"),
+    "null byte": (b"mass = 1\x00", "not valid TOML"),
+}
+
+
+@pytest.mark.parametrize("kind", UNREADABLE)
+def test_a_file_that_is_no_data_sheet_is_refused_in_a_sentence(tmp_path, kind):
+    data, words = UNREADABLE[kind]
+    path = tmp_path / "machine.toml"
+    path.write_bytes(data)
+    with pytest.raises(hc.InputError, match=r"machine\.toml") as caught:
+        hc.load_actuator(path)
+    assert words in str(caught.value)
+    assert max(map(len, caught.value.faults)) < 600
+
+
+def test_a_directory_a_missing_file_and_an_unknown_name_are_refused(tmp_path):
+    with pytest.raises(hc.InputError, match="cannot be read"):
+        hc.load_actuator(tmp_path)
+    with pytest.raises(hc.InputError, match=r"nothere\.toml: cannot be read \(No such file or directory\)"):
+        hc.load_actuator(tmp_path / "nothere.toml")
+    with pytest.raises(hc.InputError, match="actuator 'referense' is unknown; did you mean 'reference'"):
+        hc.load_actuator("referense")
+    with pytest.raises(hc.InputError, match="cannot be read"):
+        hc.load_actuator("machine\x00.toml")
+
+
+def test_a_sheet_is_written_whole_or_not_at_all(tmp_path):
+    with pytest.raises(hc.InputError, match="cannot be written"):
+        hc.save_actuator(hc.load_actuator("reference"), tmp_path / "no" / "machine.toml")
+    assert list(tmp_path.iterdir()) == []
