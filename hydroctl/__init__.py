@@ -16,17 +16,24 @@ __version__ = "0.1.0"
 
 _HOME = {
     "Actuator": "actuator",
-    "HydroctlError": "errors",
     "GainSchedule": "schedule",
+    "HydroctlError": "errors",
     "InfeasibleError": "errors",
     "InputError": "errors",
     "OperatingPointError": "errors",
+    "Scenario": "simulation",
+    "SimulationError": "errors",
     "Specification": "specification",
+    "State": "simulation",
+    "Trajectory": "simulation",
     "find_operating_points": "operating_point",
     "linearize": "linearization",
     "list_actuators": "datasheet",
     "load_actuator": "datasheet",
     "load_schedule": "schedule",
+    "rest_state": "simulation",
+    "simulate": "simulation",
+    "simulate_closed_loop": "simulation",
     "tune": "tuning",
 }
 
