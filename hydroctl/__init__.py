@@ -16,13 +16,17 @@ __version__ = "0.1.0"
 
 _HOME = {
     "Actuator": "actuator",
-    "HydroctlError": "errors",
     "GainSchedule": "schedule",
+    "HydroctlError": "errors",
     "InfeasibleError": "errors",
     "InputError": "errors",
     "OperatingPointError": "errors",
+    "Scenario": "simulation",
+    "SimulationError": "errors",
     "Specification": "specification",
     "PoorFitWarning": "surfaces",
+    "State": "simulation",
+    "Trajectory": "simulation",
     "find_operating_points": "operating_point",
     "fit_surfaces": "surfaces",
     "linearize": "linearization",
@@ -30,6 +34,9 @@ _HOME = {
     "load_actuator": "datasheet",
     "load_schedule": "schedule",
     "save_actuator": "datasheet",
+    "rest_state": "simulation",
+    "simulate": "simulation",
+    "simulate_closed_loop": "simulation",
     "tune": "tuning",
     "reduce_order": "reduction",
 }

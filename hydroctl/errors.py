@@ -26,6 +26,10 @@ class InfeasibleError(HydroctlError):
     """No regulator meets the specification; the message says which limit, where, and what is feasible."""
 
 
+class SimulationError(HydroctlError, ArithmeticError):
+    """A simulation could not be carried to its end; the message says when it stopped and why."""
+
+
 def unknown_name(kind: str, name: object, known: Iterable[str]) -> str:
     """One sentence for a name that is not in `known`, with the nearest known name first."""
     names = sorted(known)

@@ -1,0 +1,8 @@
+"""The nonlinear plant in time: alone, and under a sampled regulator. The kernels are compiled with numba at their first call."""
+
+from .closed_loop import simulate_closed_loop
+from .open_loop import simulate
+from .scenario import Scenario
+from .trajectory import State, Trajectory, rest_state
+
+__all__ = ["Scenario", "State", "Trajectory", "rest_state", "simulate", "simulate_closed_loop"]

@@ -1,0 +1,51 @@
+"""How fast the plant can move: the largest eigenvalue of its equations, which sets the step length of fixed-step kernels."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .. import plant
+from ..actuator import Actuator
+from ..operating_point import find_operating_points
+from .trajectory import rest_state
+
+_POSITIONS = 9
+_RADIANS_PER_STEP = 0.35
+"""Runge-Kutta 6 errs by less than 0.35^7/7! = 1.3e-7 of a mode's amplitude in such a step."""
+
+
+def fastest_mode(actuator: Actuator) -> float:
+    """The largest |eigenvalue| in rad/s of d(rates)/d(p_a, p_b, v, y) over the stroke, at rest and at full speed both ways."""
+    y = np.linspace(0.0, actuator.stroke, _POSITIONS)
+    points = find_operating_points(actuator, np.array([[-1.0], [1.0]]), y)
+    rest = rest_state(actuator)
+    states = [(rest.p_a, rest.p_b, 0.0, position, 0.0) for position in y]
+    columns = (points.p_a, points.p_b, points.v, points.y, points.x)
+    states += list(zip(*(column[points.feasible] for column in columns), strict=True))
+    matrices = _jacobians(actuator, np.array(states).T)
+    return float(np.abs(np.linalg.eigvals(matrices)).max())
+
+
+def substeps(actuator: Actuator, Ts: float) -> int:
+    """Steps of the fixed-step integrator per sample: at most 0.35 rad of the fastest mode each."""
+    return max(1, math.ceil(fastest_mode(actuator) * Ts / _RADIANS_PER_STEP))
+
+
+def _jacobians(actuator: Actuator, states: np.ndarray) -> np.ndarray:
+    """(n, 4, 4) by central differences, in states scaled to their ranges; `states` (5, n) holds p_a, p_b, v, y, x."""
+    p = plant.parameters(actuator)
+    pressure = actuator.supply_pressure
+    scales = np.array([pressure, pressure, actuator.flow_coefficient * math.sqrt(pressure) / actuator.area_a, actuator.stroke])
+
+    def slopes(p_a, p_b, v, y, x):
+        return np.array([*plant.rates(p_a, p_b, v, y, x, actuator.load_force, p), v])
+
+    matrices = np.empty((states.shape[1], 4, 4))
+    for k, scale in enumerate(scales):
+        step = np.zeros((5, 1))
+        step[k] = 1e-6 * scale
+        difference = slopes(*(states + step)) - slopes(*(states - step))
+        matrices[:, :, k] = (difference / scales[:, None] / 2e-6).T
+    return matrices

@@ -1,0 +1,66 @@
+"""`Scenario`: what a closed loop is asked to do, sample by sample."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import InputError
+from .trajectory import State
+
+LOOPS = ("velocity", "position")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Scenario:
+    """A reference and a load over n samples of Ts seconds, and where the motion starts. Raises InputError, all faults at once."""
+
+    name: str
+    loop: str
+    """"velocity": the reference is v in m/s; "position": y in m"""
+    Ts: float
+    """sample time in s"""
+    reference: np.ndarray
+    """(n,) held from sample to sample"""
+    y: float
+    """where the piston rests at the start, m"""
+    v_ref: np.ndarray | None = None
+    """(n,) speed reference of the feed-forward, m/s; default: the reference of a velocity loop, else 0"""
+    load_force: np.ndarray | float = 0.0
+    """(n,) or a number, N, positive against extension, held from sample to sample; added to the actuator's"""
+    initial: State | None = None
+    """default: `rest_state` at y under the first load"""
+
+    def __post_init__(self):
+        faults = []
+        if self.loop not in LOOPS:
+            faults.append(f"loop = {self.loop!r} is unknown; give 'velocity' or 'position'.")
+        if not 0.0 < self.Ts < np.inf:
+            faults.append(f"Ts = {self.Ts!r} must be a sample time above 0 s.")
+        reference = np.array(self.reference, dtype=float)
+        if reference.ndim != 1 or reference.size < 2:
+            faults.append(f"reference of shape {reference.shape} must be one row of at least two samples.")
+        default = reference if self.loop == "velocity" else np.zeros_like(reference)
+        v_ref = default if self.v_ref is None else np.array(self.v_ref, dtype=float)
+        load = np.array(self.load_force, dtype=float)
+        for name, array in (("v_ref", v_ref), ("load_force", load)):
+            if array.shape not in ((), reference.shape):
+                faults.append(f"{name} has shape {array.shape}; give one number or one for each of the {reference.size} samples.")
+        for name, array in (("reference", reference), ("v_ref", v_ref), ("load_force", load), ("y", np.asarray(self.y))):
+            if not np.isfinite(array).all():
+                faults.append(f"{name} holds a value that is not finite; remove it.")
+        if faults:
+            raise InputError([f"scenario {self.name!r}: {fault}" for fault in faults])
+        for name, array in (("reference", reference), ("v_ref", v_ref), ("load_force", load)):
+            object.__setattr__(self, name, np.ascontiguousarray(np.broadcast_to(array, reference.shape)))
+
+    @property
+    def t(self) -> np.ndarray:
+        """(n,) the sample instants in s."""
+        return self.Ts * np.arange(self.reference.size)
+
+    @property
+    def duration(self) -> float:
+        """s"""
+        return self.Ts * self.reference.size

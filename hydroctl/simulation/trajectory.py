@@ -1,0 +1,94 @@
+"""`State` and `Trajectory`: where a simulation starts and what it returns; `rest_state` is a start in equilibrium."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ..actuator import Actuator
+from ..errors import InputError, SimulationError
+from ..operating_point import stall_force
+
+
+class State(NamedTuple):
+    """The plant's state: chamber pressures in Pa, speed in m/s and position in m."""
+
+    p_a: float
+    p_b: float
+    v: float
+    y: float
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A simulated motion at the times t; every array is (n,), SI."""
+
+    t: np.ndarray
+    """s"""
+    x: np.ndarray
+    """the opening that the valve was told, from t[k] until t[k+1]"""
+    y: np.ndarray
+    v: np.ndarray
+    p_a: np.ndarray
+    p_b: np.ndarray
+    integrator: str
+    """how it was integrated, for the reader"""
+    reference: np.ndarray | None = None
+    """closed loop only: the reference of v or y"""
+    command: np.ndarray | None = None
+    """closed loop only: what the regulator put out at t[k], which the valve is told `delay_samples` later"""
+
+    @property
+    def final(self) -> State:
+        """The last state, from which another simulation can go on."""
+        return State(*(float(values[-1]) for values in (self.p_a, self.p_b, self.v, self.y)))
+
+
+def require_motion(actuator: Actuator, trajectory: Trajectory) -> Trajectory:
+    """The trajectory itself; SimulationError where it holds no physical motion: numbers overflow or a chamber has no volume."""
+    y = trajectory.y
+    volume_a, volume_b = actuator.volume_a + actuator.area_a * y, actuator.volume_b - actuator.area_b * y
+    finite = np.isfinite(trajectory.v + trajectory.p_a + trajectory.p_b)
+    sound = finite & (volume_a > 0.0) & (volume_b > 0.0)
+    if sound.all():
+        return trajectory
+    raise SimulationError(
+        f"The motion has no meaning from t = {trajectory.t[np.argmin(sound)]:g} s on: the piston has used up a chamber beyond its "
+        f"stroke of 0 to {actuator.stroke:g} m, or the loop is unstable. Shorten the motion or lower the gains."
+    )
+
+
+def rest_state(actuator: Actuator, y: float | None = None, *, load_force: float = 0.0) -> State:
+    """The piston at rest at y (m; default: mid-stroke) behind a closed valve, holding the load (N, added to the actuator's).
+
+    Of all pairs of pressures that hold the load, the one midway between the limits x -> 0+ and x -> 0- of slow motion without
+    leakage, from which both directions start alike. Raises InputError where y is outside the stroke or the load cannot be held.
+    """
+    y = actuator.stroke / 2.0 if y is None else float(y)
+    load = actuator.load_force + float(load_force)
+    highest, lowest = (float(stall_force(actuator, side)) for side in (1.0, -1.0))
+    faults = []
+    if not 0.0 <= y <= actuator.stroke:
+        faults.append(f"y = {y:g} m is outside the stroke; give 0 to {actuator.stroke:g} m.")
+    if not lowest < load < highest:
+        faults.append(f"load_force = {load:g} N cannot be held: the stall forces are {lowest:g} and {highest:g} N. Lower the load.")
+    if faults:
+        raise InputError(faults)
+    p_a = 0.5 * (_creeping_pressure(actuator, 1.0, load) + _creeping_pressure(actuator, -1.0, load))
+    return State(p_a, (actuator.area_a * p_a - load) / actuator.area_b, 0.0, y)
+
+
+def _creeping_pressure(actuator: Actuator, side: float, load: float) -> float:
+    """p_a in the limit x -> 0 from one side, without leakage.
+
+    With d the chamber at the supply and r the other, the flows A_d w = c_d |x| sqrt(p_s - p_d) and A_r w = c_r |x| sqrt(p_r - p_t)
+    fix the ratio of the pressure drops, and the balance of forces A_d p_d - A_r p_r = side load their size.
+    """
+    a, b = (actuator.area_a, actuator.flow_coefficient), (actuator.area_b, actuator.flow_coefficient_b)
+    (area_d, flow_d), (area_r, flow_r) = (a, b) if side > 0.0 else (b, a)
+    supply, tank = actuator.supply_pressure, actuator.tank_pressure
+    ratio = (area_d * flow_r / (area_r * flow_d)) ** 2
+    drop_r = (area_d * supply - area_r * tank - side * load) / (area_d * ratio + area_r)
+    return supply - ratio * drop_r if side > 0.0 else tank + drop_r

@@ -1,0 +1,95 @@
+"""The sampled closed loop on the nonlinear plant: against DOP853 with an independent regulator, and its laws."""
+
+import numpy as np
+import pytest
+from loops import accurate_closed_loop, schedule
+
+import hydroctl as hc
+from hydroctl.errors import InputError, SimulationError
+from hydroctl.simulation import Scenario, rest_state, simulate_closed_loop
+from hydroctl.simulation.modes import fastest_mode, substeps
+
+ACTUATOR = hc.load_actuator("reference")
+FAST = ACTUATOR.replace(bulk_modulus=1.3 * ACTUATOR.bulk_modulus, mass=0.5 * ACTUATOR.mass)
+
+
+def scenario(loop="velocity", samples=150, **changes):
+    k = np.arange(samples)
+    if loop == "velocity":
+        reference = np.select([k < 10, k < 90], [0.0, 0.05], -0.03)
+    else:
+        reference = 0.25 + np.select([k < 10, k < 90], [0.0, 0.005], -0.01)
+    return Scenario(**{"name": "test", "loop": loop, "Ts": 1e-3, "reference": reference, "y": 0.25} | changes)
+
+
+@pytest.mark.parametrize("actuator", [ACTUATOR, FAST], ids=["nominal", "stiff and light"])
+@pytest.mark.parametrize("loop", ["velocity", "position"])
+def test_closed_loop_agrees_with_dop853_to_a_millionth(actuator, loop):
+    given = schedule(loop, feed_forward=True)
+    load = np.where(np.arange(150) < 60, 0.0, 1e5)
+    v_ref = np.gradient(np.sin(0.05 * np.arange(150))) if loop == "position" else None
+    asked = scenario(loop, load_force=load, v_ref=v_ref)
+    start = rest_state(actuator, 0.25)
+    expected = accurate_closed_loop(actuator, given, asked, start)
+    found = simulate_closed_loop(actuator, given, asked)
+    for name, row in zip(("p_a", "p_b", "v", "y"), expected, strict=True):
+        assert np.abs(getattr(found, name) - row).max() <= 1e-6 * np.ptp(row), name
+
+
+def test_substeps_follow_the_fastest_mode():
+    """sqrt((Ec/m)(A_a^2/V_a + A_b^2/V_b)) at the end of the stroke where it is highest; damping moves |s| by under 0.1 %."""
+    y = np.array([0.0, ACTUATOR.stroke])
+    a = ACTUATOR
+    hydraulic = np.sqrt(
+        a.bulk_modulus / a.mass * (a.area_a**2 / (a.volume_a + a.area_a * y) + a.area_b**2 / (a.volume_b - a.area_b * y))
+    ).max()
+    assert fastest_mode(a) == pytest.approx(hydraulic, rel=0.03)
+    assert fastest_mode(FAST) == pytest.approx(fastest_mode(a) * np.sqrt(1.3 / 0.5), rel=0.03)
+    assert substeps(FAST, 1e-3) > substeps(a, 1e-3)
+    found = simulate_closed_loop(a, schedule(), scenario())
+    assert f"{substeps(a, 1e-3)} substeps" in found.integrator
+
+
+def test_zero_reference_at_rest_stays_at_rest():
+    tight = ACTUATOR.replace(leakage=0.0)
+    for loop, reference in (("velocity", 0.0), ("position", 0.25)):
+        found = simulate_closed_loop(tight, schedule(loop), scenario(loop, reference=np.full(300, reference)))
+        assert (found.command == 0.0).all()
+        assert np.abs(found.v).max() <= 1e-12
+
+
+@pytest.mark.parametrize("delay", [0, 1, 3])
+def test_command_takes_effect_after_the_delay(delay):
+    found = simulate_closed_loop(ACTUATOR, schedule(delay_samples=delay), scenario())
+    assert (found.x[delay:] == found.command[: found.x.size - delay]).all()
+    assert (found.x[:delay] == 0.0).all()
+
+
+def test_opening_stays_in_the_valves_range_and_anti_windup_lets_it_leave_the_limit():
+    """A speed that the supply cannot give for 1 s, then one that it can: with back-calculation the loop recovers, without not."""
+    k = np.arange(1500)
+    asked = scenario(reference=np.where(k < 1000, 0.25, 0.05), y=0.05)
+    with_it = simulate_closed_loop(ACTUATOR, schedule(), asked)
+    without = simulate_closed_loop(ACTUATOR, schedule(Tt=np.inf), asked)
+    for found in (with_it, without):
+        assert np.abs(found.x).max() == 1.0
+    assert np.abs(with_it.v[1200:] - 0.05).max() <= 0.02 * 0.05
+    assert np.abs(without.v[1200:] - 0.05).max() >= 0.5 * 0.05
+
+
+def test_schedule_and_scenario_must_fit():
+    with pytest.raises(InputError) as caught:
+        simulate_closed_loop(ACTUATOR, schedule("position", Ts=2e-3), scenario())
+    assert len(caught.value.faults) == 2
+
+
+def test_scenario_names_all_faults_at_once():
+    with pytest.raises(InputError) as caught:
+        Scenario(name="bad", loop="speed", Ts=0.0, reference=[[1.0]], y=np.nan, v_ref=[1.0, 2.0], load_force=np.inf)
+    assert len(caught.value.faults) == 6
+
+
+def test_a_loop_that_leaves_the_numbers_says_when():
+    k = np.arange(8000)
+    with pytest.raises(SimulationError, match="its stroke"):
+        simulate_closed_loop(ACTUATOR, schedule(), scenario(reference=0.1 + 0.0 * k))
