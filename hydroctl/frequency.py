@@ -1,9 +1,10 @@
 """The plant as a sampled regulator sees it: valve opening held over each sample, computational delay, speed or position read.
 
-    x[k] --> delay --> zero-order hold --> v/x(s) [--> 1/s] --> sampler --> m[k]
+    x[k] --> delay --> zero-order hold --> valve --> v/x(s) [--> 1/s] --> sampler --> m[k]
 
-The hold is exact (matrix exponential), fractions of a sample of delay included. The frequency response is a sum of partial
-fractions of the sampled model, so that thousands of models cost a few array operations. With delay = k + f samples, 0 <= f < 1,
+The valve is ideal unless the actuator states its lag, w^2/(s^2 + 2 zeta w s + w^2). The hold is exact (matrix exponential),
+fractions of a sample of delay included. The frequency response is a sum of partial fractions of the sampled model, so that
+thousands of models cost a few array operations. With delay = k + f samples, 0 <= f < 1,
 
     G(z) = z^-k  sum_i (r_i + q_i / z) / (z - lambda_i),    z = exp(j omega Ts),    q_i = 0 where f = 0
 """
@@ -125,15 +126,24 @@ def sample(family: LinearFamily, *, loop: str, sample_time: float, delay_samples
 
 
 def _continuous(family: LinearFamily, loop: str):
-    """(A, B, output) with pressures in MPa, and y as a further state in the position loop."""
-    n = 3 + (loop == "position")
+    """(A, B, output): the plant with pressures in MPa, then spool and spool rate of a valve with a lag, then y if it is read."""
+    frequency, damping = family.points.actuator.valve_natural_frequency, family.points.actuator.valve_damping
+    valve = 0 if frequency is None else 2
+    n = 3 + valve + (loop == "position")
     scale = np.array([_PRESSURE_SCALE, _PRESSURE_SCALE, 1.0])
-    A, B = np.zeros((*family.shape, n, n)), np.zeros((*family.shape, n, 1))
+    A, B, output = np.zeros((*family.shape, n, n)), np.zeros((*family.shape, n, 1)), np.zeros(n)
     A[..., :3, :3] = family.A * scale / scale[:, None]
-    B[..., :3, :] = family.B / scale[:, None]
+    if valve:
+        A[..., :3, 3:4] = family.B / scale[:, None]
+        A[..., 3, 4] = frequency
+        A[..., 4, 3:5] = -frequency, -2.0 * damping * frequency
+        B[..., 4, 0] = frequency
+    else:
+        B[..., :3, :] = family.B / scale[:, None]
     if loop == "position":
-        A[..., 3, 2] = 1.0
-    return A, B, np.eye(n)[-1]
+        A[..., -1, 2] = 1.0
+    output[-1 if loop == "position" else 2] = 1.0
+    return A, B, output
 
 
 def _resonance(family: LinearFamily) -> np.ndarray:

@@ -55,6 +55,17 @@ def test_state_space_and_frequency_response_are_the_same_system(family, delay):
     np.testing.assert_allclose(plant.frequency_response(OMEGA)[3, 0], response, rtol=1e-9)
 
 
+@pytest.mark.parametrize("loop", ["velocity", "position"])
+def test_a_stated_valve_lag_stands_before_the_plant(reference, loop):
+    slow = reference.replace(valve_natural_frequency=628.0, valve_damping=0.7)
+    points = hc.find_operating_points(slow, np.array([0.3, 0.6]), 0.2)
+    model = hc.linearize(slow, points)[0]
+    valve = control.ss([[0.0, 1.0], [-(628.0**2), -2 * 0.7 * 628.0]], [[0.0], [628.0**2]], [[1.0, 0.0]], 0)
+    held = control.c2d(control.ss(*_balanced(model, loop), 0) * valve, TS)
+    plant = sample(hc.linearize(slow, points), loop=loop, sample_time=TS)
+    np.testing.assert_allclose(plant.frequency_response(OMEGA)[0], held(np.exp(1j * OMEGA * TS)), rtol=1e-8)
+
+
 def test_models_with_parallel_eigenvectors_are_solved_directly(family):
     plant = sample(family, loop="position", sample_time=TS, delay_samples=0.5)
     without = replace(plant, residues=np.full_like(plant.residues, np.nan))
