@@ -20,6 +20,7 @@ _FIRST_GAIN = 0.05
 _HALVINGS = 40
 _CEILING = 1e3
 _ROW_TOLERANCE = 1e-7
+_SLACK = 0.1
 
 
 def circles(Ms: float, Mt: float) -> list[tuple[float, float]]:
@@ -27,31 +28,46 @@ def circles(Ms: float, Mt: float) -> list[tuple[float, float]]:
     return [(-1.0, 1.0 / Ms), (-(Mt**2) / (Mt**2 - 1.0), Mt / (Mt**2 - 1.0))]
 
 
-def small_gains(phi: np.ndarray, limits: list[tuple[float, float]], *, first: int) -> np.ndarray | None:
-    """A small gain on term `first` alone with which L = phi @ g stays out of all circles; None where there is none."""
-    gains = np.zeros(phi.shape[1])
-    gains[first] = _FIRST_GAIN / np.abs(phi[:, first]).max()
+def small_gains(phi: np.ndarray, limits: list[tuple[float, float]], *, first: int) -> np.ndarray:
+    """(N, t): a small gain on term `first` alone with which L stays out of all circles; NaN where there is none."""
+    gains = np.zeros((phi.shape[0], phi.shape[2]))
+    gains[:, first] = _FIRST_GAIN / np.abs(phi[:, :, first]).max(axis=1)
     for _ in range(_HALVINGS):
-        L = phi @ gains
-        if all(np.abs(L - centre).min() >= radius for centre, radius in limits):
+        L = _loop_gain(phi, gains)
+        inside = np.any([np.abs(L - centre).min(axis=1) < radius for centre, radius in limits], axis=0)
+        if not inside.any():
             return gains
-        gains = gains / 2.0
-    return None
+        gains[inside] /= 2.0
+    gains[inside] = np.nan
+    return gains
 
 
 def largest_gains(phi: np.ndarray, gains: np.ndarray, objective: int, limits: list[tuple[float, float]]) -> np.ndarray:
-    """Gains g >= 0 (t,) that maximize g[objective] with L = phi @ g outside all circles, from `gains`; phi (rows, t) complex."""
-    column = np.median(np.abs(phi), axis=0)
-    ceiling = _CEILING * column / np.abs(phi).min(axis=0)
-    working = np.zeros(0, dtype=int)
+    """Gains g >= 0 (N, t) that maximize g[:, objective] with L = phi @ g outside all circles, for N designs at once.
+
+    `phi` (N, rows, t) complex: the contribution of each gain to the loop gain at each frequency of each model; `gains` (N, t):
+    where to start.
+    """
+    gains = gains.copy()
+    column = np.median(np.abs(phi), axis=1)
+    ceiling = _CEILING * column / np.abs(phi).min(axis=1)
+    scaled = phi / column[:, None, :]
+    working = np.zeros((phi.shape[0], len(limits) * phi.shape[1]), dtype=bool)
+    active = np.arange(phi.shape[0])
     for _ in range(_ITERATIONS):
-        rows, bounds = _half_planes(phi / column, phi @ gains, limits)
-        scaled, working = _linear_program(rows, bounds, objective, ceiling, working)
-        change = abs(scaled[objective] / column[objective] - gains[objective])
-        gains = scaled / column
-        if change <= _CONVERGED * gains[objective]:
+        rows, bounds = _half_planes(scaled[active], _loop_gain(phi[active], gains[active]), limits)
+        improved, working[active] = _linear_programs(rows, bounds, objective, ceiling[active], working[active])
+        improved /= column[active]
+        change = np.abs(improved[:, objective] - gains[active, objective])
+        gains[active] = improved
+        active = active[change > _CONVERGED * improved[:, objective]]
+        if active.size == 0:
             break
     return gains
+
+
+def _loop_gain(phi, gains):
+    return (phi @ gains[:, :, None])[:, :, 0]
 
 
 def _half_planes(phi, present, limits):
@@ -60,36 +76,43 @@ def _half_planes(phi, present, limits):
     for centre, radius in limits:
         offset = present - centre
         normal = (offset / np.abs(offset)).conj()
-        rows.append(-(normal[:, None] * phi).real)
+        rows.append(-(normal[:, :, None] * phi).real)
         bounds.append(-(normal * centre).real - radius)
-    rows, bounds = np.concatenate(rows), np.concatenate(bounds)
-    scale = np.abs(rows).max(axis=1)
-    return rows / scale[:, None], bounds / scale
+    rows, bounds = np.concatenate(rows, axis=1), np.concatenate(bounds, axis=1)
+    scale = np.abs(rows).max(axis=2)
+    return rows / scale[:, :, None], bounds / scale
 
 
-def _linear_program(rows, bounds, objective: int, ceiling, working):
-    """(g, working): max g[objective] with rows @ g <= bounds and 0 <= g <= ceiling.
+def _linear_programs(rows, bounds, objective: int, ceiling, working):
+    """(g, working): for each design max g[objective] with rows @ g <= bounds and 0 <= g <= ceiling.
 
-    Of thousands of rows only a handful binds: violated rows join a working set until none is left.
+    Of thousands of rows only a handful binds: violated rows join the working set (N, rows) until none is left; those far from
+    binding then leave it. The designs are the blocks of one sparse program.
     """
     from scipy.optimize import linprog
+    from scipy.sparse import csr_array
 
-    cost = np.zeros(rows.shape[1])
-    cost[objective] = -1.0
-    box = np.stack([np.zeros_like(ceiling), ceiling], axis=-1)
+    designs, _, terms = rows.shape
+    cost = np.zeros((designs, terms))
+    cost[:, objective] = -1.0
+    box = np.stack([np.zeros(designs * terms), ceiling.ravel()], axis=-1)
     while True:
-        solved = linprog(cost, A_ub=rows[working], b_ub=bounds[working], bounds=box, method="highs")
+        design, row = np.nonzero(working)
+        columns = design[:, None] * terms + np.arange(terms)
+        starts = np.arange(design.size + 1) * terms
+        A = csr_array((rows[design, row].ravel(), columns.ravel(), starts), shape=(design.size, designs * terms))
+        solved = linprog(cost.ravel(), A_ub=A, b_ub=bounds[design, row], bounds=box, method="highs")
         if solved.x is None:
             raise RuntimeError(f"the linear program of the tuner failed: {solved.message}")
-        excess = rows @ solved.x - bounds
-        excess[working] = 0.0
-        violated = _local_maxima(excess, _ROW_TOLERANCE)
-        if violated.size == 0:
-            return solved.x, working
-        working = np.concatenate([working, violated])
+        gains = solved.x.reshape(designs, terms)
+        excess = (rows @ gains[:, :, None])[:, :, 0] - bounds
+        violated = _peaks(np.where(working, 0.0, excess)) & (excess > _ROW_TOLERANCE)
+        if not (violated & ~working).any():
+            return gains, working & (excess > -_SLACK)
+        working = working | violated
 
 
-def _local_maxima(values, floor) -> np.ndarray:
-    """Indices of the peaks of `values` above `floor`."""
-    padded = np.concatenate([[-np.inf], values, [-np.inf]])
-    return np.nonzero((values > floor) & (values >= padded[:-2]) & (values > padded[2:]))[0]
+def _peaks(values) -> np.ndarray:
+    """True at the local maxima along the last axis."""
+    padded = np.pad(values, ((0, 0), (1, 1)), constant_values=-np.inf)
+    return (values >= padded[:, :-2]) & (values > padded[:, 2:])

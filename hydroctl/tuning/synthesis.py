@@ -83,42 +83,35 @@ def _nodes(name: str, values) -> np.ndarray:
 
 
 def _synthesize(plants: SampledFamily, notch: Regulators, structure: str, loop: str, specification: Specification) -> Regulators:
-    """Regulators (nx, ny) that hold on all `plants` (variants, nx, ny). InfeasibleError carries the node's index."""
+    """Regulators (nx, ny) that hold on all `plants` (variants, nx, ny). InfeasibleError carries the node's index.
+
+    The tuner sees a grid of frequencies. The refined peaks of |S| and |T| of its result join that grid until none is above its
+    limit.
+    """
     used = [GAINS.index(name) for name in STRUCTURES[structure]]
     objective = min(1, len(used) - 1)
     limits = circles(specification.Ms, specification.Mt)
     phi = _terms(plants, notch, frequency_grid(plants))[..., used]
-    rows = {node: np.concatenate(phi[:, *node]) for node in np.ndindex(notch.shape)}
-    gains = {node: small_gains(rows[node], limits, first=objective if loop == "velocity" else 0) for node in rows}
-    if failed := [node for node in rows if gains[node] is None]:
-        raise InfeasibleError(failed[0])
-    waiting = set(rows)
+    gains = small_gains(phi, limits, first=objective if loop == "velocity" else 0)
+    if np.isnan(gains).any():
+        raise InfeasibleError(np.unravel_index(np.argmax(np.isnan(gains[:, 0])), notch.shape))
     for _ in range(_REFINEMENTS):
-        gains |= {node: largest_gains(rows[node], gains[node], objective, limits) for node in waiting}
-        table = np.zeros((*notch.shape, len(GAINS)))
-        for node, found in gains.items():
-            table[node][used] = found
-        regulators = replace(notch, **dict(zip(GAINS, np.moveaxis(table, -1, 0), strict=True)))
-        waiting = set()
-        for variant, node, omega in _excesses(Loop(plants, regulators.broadcast_to(plants.shape)), specification):
-            plant = plants.take([np.ravel_multi_index((variant, *node), plants.shape)])
-            rows[node] = np.concatenate([rows[node], _terms(plant, notch[node], omega)[0][:, used]])
-            waiting.add(node)
-        if not waiting:
+        gains = largest_gains(phi, gains, objective, limits)
+        table = np.zeros((len(GAINS), *notch.shape))
+        table[used] = gains.T.reshape(-1, *notch.shape)
+        regulators = replace(notch, **dict(zip(GAINS, table, strict=True)))
+        (Ms, at_Ms), (Mt, at_Mt) = peaks(Loop(plants, regulators.broadcast_to(plants.shape)))
+        if Ms.max() <= specification.Ms * (1.0 + _TOLERANCE) and Mt.max() <= specification.Mt * (1.0 + _TOLERANCE):
             break
+        phi = np.concatenate([phi, _terms(plants, notch, np.stack([at_Ms, at_Mt], axis=-1))[..., used]], axis=1)
     return regulators
 
 
 def _terms(plants: SampledFamily, notch: Regulators, omega) -> np.ndarray:
-    """(variants, nx, ny, n, 3): what each gain contributes to the loop gain."""
-    return notch.terms(omega) * plants.frequency_response(omega)[..., None]
-
-
-def _excesses(loop: Loop, specification: Specification):
-    """(variant, node, [omega]) of every refined peak above its limit, which the tuner's grid of frequencies has missed."""
-    for (peak, where), limit in zip(peaks(loop), (specification.Ms, specification.Mt), strict=True):
-        for index in zip(*np.nonzero(peak > limit * (1.0 + _TOLERANCE)), strict=True):
-            yield index[0], index[1:], where[index][None]
+    """(nodes, variants * n, 3): what each gain contributes to the loop gain at omega (variants, nx, ny, n)."""
+    terms = notch.terms(omega) * plants.frequency_response(omega)[..., None]
+    variants, nx, ny, n, gains = terms.shape
+    return terms.transpose(1, 2, 0, 3, 4).reshape(nx * ny, variants * n, gains)
 
 
 def _anti_windup_time(kp, ki, sample_time: float) -> float:
