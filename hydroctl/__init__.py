@@ -22,6 +22,7 @@ _HOME = {
     "InputError": "errors",
     "OperatingPointError": "errors",
     "Specification": "specification",
+    "characterize": "characteristics",
     "find_operating_points": "operating_point",
     "linearize": "linearization",
     "list_actuators": "datasheet",

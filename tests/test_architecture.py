@@ -18,7 +18,7 @@ LAYERS = (
     ("equilibrium",),
     ("operating_point",),
     ("linearization",),
-    ("reduction",),
+    ("reduction", "characteristics"),
     ("surfaces",),
     ("paper", "identification", "frequency"),
     ("regulators", "specification"),
