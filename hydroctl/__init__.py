@@ -27,6 +27,7 @@ _HOME = {
     "PoorFitWarning": "surfaces",
     "State": "simulation",
     "Trajectory": "simulation",
+    "characterize": "characteristics",
     "find_operating_points": "operating_point",
     "fit_surfaces": "surfaces",
     "linearize": "linearization",

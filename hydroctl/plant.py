@@ -227,5 +227,5 @@ def as_nonlinear_system(actuator: Actuator, *, pressure_unit: float = 1e5) -> co
         states=motion if ideal else [*motion, "spool", "spool_rate"],
         inputs=["x", "load_force"],
         outputs=motion,
-        name=actuator.name,
+        name=actuator.name.replace(".", "_"),
     )

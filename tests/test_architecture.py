@@ -19,6 +19,7 @@ LAYERS = (
     ("operating_point",),
     ("linearization",),
     ("reduction", "quasi_linear"),
+    ("reduction", "characteristics"),
     ("surfaces",),
     ("paper", "identification", "frequency"),
     ("regulators", "specification"),

@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
-from machines import DIFFERENTIAL, LOSSLESS, REFERENCE, balances, imbalance, mirrored, paper_closed_form
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from machines import DIFFERENTIAL, LOSSLESS, REFERENCE, balances, imbalance, machines, mirrored, paper_closed_form
 
 import hydroctl as hc
+from hydroctl import plant
 from hydroctl.operating_point import stall_force
 
 OPENINGS = np.concatenate([-np.geomspace(1.0, 1e-4, 60), np.geomspace(1e-4, 1.0, 60)])
@@ -165,3 +168,100 @@ def test_the_speed_falls_to_zero_at_the_stall_force(x):
 def test_bad_input_names_the_field_and_the_way_out(arguments, words):
     with pytest.raises(hc.InputError, match=words):
         hc.find_operating_points(REFERENCE, **arguments)
+
+
+LOADED = DIFFERENTIAL.replace(load_force=2e4, flow_coefficient_b=5e-7)
+DRY = LOADED.replace(coulomb_friction=1500.0, creep_speed=1e-6)
+
+
+@pytest.mark.parametrize("x", [-1.0, -0.2, 0.2, 1.0])
+def test_load_tank_pressure_unequal_edges_and_coulomb_friction_have_a_closed_form(x):
+    machine = DRY.replace(leakage=0.0)
+    side = np.sign(x)
+    areas = np.array([machine.area_a, machine.area_b])[:: int(side)]
+    flows = np.array([machine.flow_coefficient, machine.flow_coefficient_b])[:: int(side)] * abs(x)
+    supply, tank, viscous = machine.supply_pressure, machine.tank_pressure, machine.viscous_friction
+    # A_d p_d - A_r p_r - B w - F_c -+ F = 0 with p_d = p_s - (A_d w/k_d)^2, p_r = p_t + (A_r w/k_r)^2: a quadratic in w
+    force = areas[0] * supply - areas[1] * tank - side * machine.load_force - machine.coulomb_friction
+    w = max(np.roots([-(areas[0] ** 3 / flows[0] ** 2 + areas[1] ** 3 / flows[1] ** 2), -viscous, force]))
+    pressures = np.array([supply - (areas[0] * w / flows[0]) ** 2, tank + (areas[1] * w / flows[1]) ** 2])[:: int(side)]
+    point = hc.find_operating_points(machine, x, 0.5)
+    # the smooth sign of v misses Coulomb friction by (v_c/v)^2/2 < 1e-9 of it, and friction is 1 % of the force
+    np.testing.assert_allclose([point.p_a, point.p_b, point.v], [*pressures, side * w], rtol=1e-10)
+
+
+@pytest.mark.parametrize("leakage", [0.0, 5e-12])
+@pytest.mark.parametrize("load_force", [-4e5, 0.0, 1.2e6])
+def test_points_with_breakaway_friction_satisfy_the_equations_of_the_plant(leakage, load_force):
+    machine = REFERENCE.replace(
+        leakage=leakage, coulomb_friction=2e4, breakaway_friction=4e4, stribeck_speed=5e-3, creep_speed=5e-4, load_force=load_force
+    )
+    points = hc.find_operating_points(machine, OPENINGS, 0.1)
+    p = plant.parameters(machine)
+    rates = plant.rates(points.p_a, points.p_b, points.v, points.y, points.x, points.load_force, p)
+    stiff = plant.stiffnesses(0.1, p)
+    flow, force = abs(points.v) * p.area_a + leakage * p.supply_pressure, p.area_a * p.supply_pressure
+    assert points.feasible.any()
+    for rate, scale in zip(rates, (stiff[0] * flow, stiff[1] * flow, force / p.mass), strict=True):
+        assert (abs(rate) <= 1e-12 * scale)[points.feasible].all()
+    assert points.residual[points.feasible].max() <= 1e-12
+
+
+def test_friction_slows_both_directions():
+    openings = np.array([-0.8, -0.1, 0.1, 0.8])
+    free = hc.find_operating_points(LOADED, openings, 0.5).v
+    held = hc.find_operating_points(LOADED.replace(coulomb_friction=5e3), openings, 0.5).v
+    assert (np.sign(held) == np.sign(openings)).all()
+    assert (np.abs(held) < np.abs(free)).all()
+
+
+def test_a_stuck_piston_and_a_creeping_one_are_flagged_with_the_reason():
+    stall = float(stall_force(DIFFERENTIAL, 1.0))
+    machine = DIFFERENTIAL.replace(coulomb_friction=1000.0, breakaway_friction=1500.0, stribeck_speed=0.01, leakage=0.0)
+    points = hc.find_operating_points(machine, 0.5, 0.5, load_force=[stall - 1400.0, stall - 1600.0, stall + 1.0])
+    assert "the piston is stuck: the 1400 N" in points.reason[0]
+    assert points.feasible[1]
+    assert "stall force" in points.reason[2]
+    creeping = hc.find_operating_points(machine, [1e-4, 0.1], 0.5)
+    assert "creep_speed" in creeping.reason[0]
+    assert creeping.feasible[1]
+
+
+def test_with_a_load_just_short_of_breakaway_the_only_equilibrium_moves():
+    machine = DIFFERENTIAL.replace(
+        coulomb_friction=200.0, breakaway_friction=4000.0, stribeck_speed=0.05, viscous_friction=0.0, leakage=0.0
+    )
+    stall = float(stall_force(machine, 1.0))
+    point = hc.find_operating_points(machine, 1.0, 0.5, load_force=stall - 4100.0)
+    p, speeds = plant.parameters(machine), np.linspace(1e-5, 0.3, 200_001)
+    throttle = machine.area_a**3 / machine.flow_coefficient**2 + machine.area_b**3 / machine.flow_coefficient_b**2
+    left = 4100.0 - throttle * speeds**2 - plant.friction_force(speeds, p)
+    crossings = speeds[1:][np.diff(np.sign(left)) != 0]
+    assert len(crossings) == 1
+    assert abs(crossings[0] - float(point.v)) < 2 * (speeds[1] - speeds[0])
+
+
+def test_within_the_dead_band_the_valve_is_closed_and_beyond_it_the_opening_counts():
+    machine = DIFFERENTIAL.replace(dead_band=0.1)
+    points = hc.find_operating_points(machine, [-0.1, 0.05, 0.28, -0.28], 0.5)
+    assert points.feasible.tolist() == [False, False, True, True]
+    assert "within the dead band of 0.1" in points.reason[0]
+    ideal = hc.find_operating_points(DIFFERENTIAL, [0.2, -0.2], 0.5)
+    np.testing.assert_allclose(points.v[2:], ideal.v, rtol=1e-12)
+
+
+@settings(max_examples=40, deadline=None)
+@given(machine=machines(), x=st.floats(0.01, 1.0), side=st.sampled_from([-1.0, 1.0]), share=st.floats(0.0, 1.0))
+def test_random_machines_rest_at_their_points_and_mirror(machine, x, side, share):
+    x, y = side * x, share * machine.stroke
+    points, other = hc.find_operating_points(machine, [x], y), hc.find_operating_points(mirrored(machine), [-x], machine.stroke - y)
+    p_a, p_b, v = points.p_a[0], points.p_b[0], points.v[0]
+    assert points.feasible[0] or points.reason[0]
+    if points.feasible[0]:
+        assert points.residual[0] <= 1e-12
+        assert imbalance(machine, x, p_a, p_b, v, machine.load_force) <= 1e-11  # sqrt(p_s - p) of a rounded p
+        np.testing.assert_allclose([other.p_b[0], other.p_a[0], -other.v[0]], [p_a, p_b, v], rtol=1e-9)
+        family = hc.linearize(machine, points)
+        assert np.isfinite(family.A).all()
+        assert np.isfinite(family.numerator).all()
+        assert (family.poles().real <= 1e-12 * np.abs(family.poles())).all()
