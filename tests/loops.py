@@ -82,20 +82,24 @@ class PlainRegulator:
 
 
 def accurate_hold(actuator, state, x, load, duration, times=None):
-    """The plant's states for a constant opening by DOP853 at 1e-12; at the end, or at `times` (4, n)."""
+    """The plant's states for a constant opening by DOP853 at 1e-12; at the end, or at `times` (6, n)."""
     p = plant.parameters(actuator)
 
-    def slope(_, z):
-        return [*plant.rates(z[0], z[1], z[2], z[3], x, load, p), z[2]]
+    ideal = actuator.valve_natural_frequency is None
 
-    atol = np.array([actuator.supply_pressure] * 2 + [1.0, actuator.stroke]) * 1e-13
+    def slope(_, z):
+        valve = (0.0, 0.0) if ideal else plant.valve_rates(z[4], z[5], x, p)
+        opening = plant.effective_opening(x if ideal else z[4], p)
+        return [*plant.rates(z[0], z[1], z[2], z[3], opening, load, p), z[2], *valve]
+
+    atol = np.array([actuator.supply_pressure] * 2 + [1.0, actuator.stroke, 1.0, 1e3]) * 1e-13
     answer = solve_ivp(slope, (0.0, duration), state, method="DOP853", rtol=1e-12, atol=atol, t_eval=times)
     assert answer.success
     return answer.y if times is not None else answer.y[:, -1]
 
 
 def accurate_closed_loop(actuator, schedule, scenario, start):
-    """(4, n) states at the sample instants: `PlainRegulator` and DOP853 from sample to sample."""
+    """(6, n) states at the sample instants: `PlainRegulator` and DOP853 from sample to sample."""
     regulator, state, commands, states = PlainRegulator(schedule), np.array(start), [], []
     for k in range(scenario.reference.size):
         states.append(state)

@@ -32,7 +32,7 @@ def test_closed_loop_agrees_with_dop853_to_a_millionth(actuator, loop):
     start = rest_state(actuator, 0.25)
     expected = accurate_closed_loop(actuator, given, asked, start)
     found = simulate_closed_loop(actuator, given, asked)
-    for name, row in zip(("p_a", "p_b", "v", "y"), expected, strict=True):
+    for name, row in zip(("p_a", "p_b", "v", "y"), expected[:4], strict=True):
         assert np.abs(getattr(found, name) - row).max() <= 1e-6 * np.ptp(row), name
 
 

@@ -20,7 +20,7 @@ _B1, _B3, _B4, _B5, _B6, _B7 = 11 / 120, 27 / 40, 27 / 40, -4 / 15, -4 / 15, 11 
 
 @kernel()
 def step(z, x, load, p, h):
-    """The state h seconds after z at the opening x and the load (N)."""
+    """The state h seconds after z for the valve command x and the load (N)."""
     k1 = slope(z, x, load, p)
     k2 = slope(plus(z, h * _A21, k1), x, load, p)
     k3 = slope(plus(z, h * _A32, k2), x, load, p)

@@ -12,7 +12,7 @@ from ..errors import InputError
 from .modes import substeps
 from .regulator import regulator_of
 from .scenario import Scenario
-from .trajectory import Trajectory, require_motion, rest_state
+from .trajectory import State, Trajectory, require_motion, rest_state
 
 if TYPE_CHECKING:
     from ..schedule import GainSchedule
@@ -31,16 +31,16 @@ def simulate_closed_loop(actuator: Actuator, schedule: GainSchedule, scenario: S
     if start is None:
         start = rest_state(actuator, scenario.y, load_force=float(scenario.load_force[0]))
     count = substeps(actuator, scenario.Ts)
-    out = np.empty((6, scenario.reference.size))
+    out = np.empty((7, scenario.reference.size))
 
     from .sampled import run
 
     p = plant.parameters(actuator)
-    run(tuple(start), scenario.reference, scenario.v_ref, load, regulator_of(schedule), p, count, out)
+    final = run(tuple(start), scenario.reference, scenario.v_ref, load, regulator_of(schedule), p, count, out)
     integrator = f"Runge-Kutta 6, {count} substeps of {scenario.Ts / count:g} s per sample"
-    p_a, p_b, v, y, x, command = out
-    trajectory = Trajectory(scenario.t, x, y, v, p_a, p_b, integrator, reference=scenario.reference, command=command)
-    return require_motion(actuator, trajectory)
+    p_a, p_b, v, y, spool, x, command = out
+    motion = (scenario.t, x, y, v, p_a, p_b, spool, integrator, State(*final))
+    return require_motion(actuator, Trajectory(*motion, reference=scenario.reference, command=command))
 
 
 def _mismatches(schedule: GainSchedule, scenario: Scenario):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from .compiled import kernel
-from .motion import plus, slope
+from .motion import plus, slope, told
 
 _A21 = 1 / 5
 _A31, _A32 = 3 / 40, 9 / 40
@@ -20,7 +20,7 @@ _B1, _B3, _B4, _B5, _B6 = 35 / 384, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84
 _E1, _E3, _E4, _E5, _E6, _E7 = 71 / 57600, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40
 _D1, _D3, _D4 = -12715105075 / 11282082432, 87487479700 / 32700410799, -10690763975 / 1880347072
 _D5, _D6, _D7 = 701980252875 / 199316789632, -1453857185 / 822651844, 69997945 / 29380423
-_NOTHING = (0.0, 0.0, 0.0, 0.0)
+_NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _SAFETY, _SHRINK, _GROW = 0.9, 0.2, 5.0
 _SMALLEST = 1e-13
 
@@ -52,7 +52,8 @@ def _error_norm(z, new, error, scales):
     """Largest error over the size of its state; infinite where the step left the numbers."""
     worst = max(_ratio(z[0], new[0], error[0], scales[0]), _ratio(z[1], new[1], error[1], scales[1]))
     worst = max(worst, _ratio(z[2], new[2], error[2], scales[2]), _ratio(z[3], new[3], error[3], scales[3]))
-    finite = error[0] + error[1] + error[2] + error[3]
+    worst = max(worst, _ratio(z[4], new[4], error[4], scales[4]), _ratio(z[5], new[5], error[5], scales[5]))
+    finite = error[0] + error[1] + error[2] + error[3] + error[4] + error[5]
     return worst if finite - finite == 0.0 else np.inf
 
 
@@ -78,28 +79,31 @@ def _write_dense(out, first, last, t, t0, h, z, new, slopes):
         out[1, k] = _interpolate(theta, h, z[1], new[1], k1[1], k7[1], ends[1])
         out[2, k] = _interpolate(theta, h, z[2], new[2], k1[2], k7[2], ends[2])
         out[3, k] = _interpolate(theta, h, z[3], new[3], k1[3], k7[3], ends[3])
+        out[4, k] = _interpolate(theta, h, z[4], new[4], k1[4], k7[4], ends[4])
+        out[5, k] = _interpolate(theta, h, z[5], new[5], k1[5], k7[5], ends[5])
 
 
 @kernel()
 def integrate(t, x, load, initial, p, rtol, scales, most_steps, out):
-    """Fill out (4, n) with p_a, p_b, v, y at the times t for openings x and loads (N) held from t[k] to t[k+1].
+    """Fill out (6, n) with the states at the times t for commands x and loads (N) held from t[k] to t[k+1].
 
-    `scales` (4,): the size below which a state's error is absolute. Starts anew where x or the load changes. Returns
+    `scales` (6,): the size below which a state's error is absolute. Starts anew where x or the load changes. Returns
     (number of steps, time reached); the time is below t[-1] where the step length or `most_steps` ran out.
     """
-    z = initial
-    out[0, 0], out[1, 0], out[2, 0], out[3, 0] = z
+    z = told(initial, x[0], p)
+    out[0, 0], out[1, 0], out[2, 0], out[3, 0], out[4, 0], out[5, 0] = z
     steps, segment, h = 0, 0, t[-1] - t[0]
     while segment < t.size - 1:
         end = segment + 1
         while end < t.size - 1 and x[end] == x[segment] and load[end] == load[segment]:
             end += 1
-        now, written, opening, force = t[segment], segment + 1, x[segment], load[segment]
-        k1 = slope(z, opening, force, p)
+        now, written, command, force = t[segment], segment + 1, x[segment], load[segment]
+        z = told(z, command, p)
+        k1 = slope(z, command, force, p)
         while now < t[end]:
             final = now + 1.01 * h >= t[end]
             length = t[end] - now if final else h
-            new, error, slopes = _step(z, k1, length, opening, force, p)
+            new, error, slopes = _step(z, k1, length, command, force, p)
             size = _error_norm(z, new, error, scales) / rtol
             steps += 1
             if size <= 1.0:

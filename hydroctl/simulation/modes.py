@@ -12,25 +12,37 @@ from ..operating_point import find_operating_points
 from .trajectory import rest_state
 
 _POSITIONS = 9
+_CONTACT = 1e-5
 _RADIANS_PER_STEP = 0.35
 """Runge-Kutta 6 errs by less than 0.35^7/7! = 1.3e-7 of a mode's amplitude in such a step."""
 
 
 def fastest_mode(actuator: Actuator) -> float:
-    """The largest |eigenvalue| in rad/s of d(rates)/d(p_a, p_b, v, y) over the stroke, at rest and at full speed both ways."""
+    """The largest |eigenvalue| in rad/s of d(rates)/d(p_a, p_b, v, y) over the stroke and in contact with its ends, at rest and
+    at full speed both ways; or the valve's, where that is larger.
+    """
     y = np.linspace(0.0, actuator.stroke, _POSITIONS)
     points = find_operating_points(actuator, np.array([[-1.0], [1.0]]), y)
     rest = rest_state(actuator)
-    states = [(rest.p_a, rest.p_b, 0.0, position, 0.0) for position in y]
+    contact = _CONTACT * actuator.stroke
+    states = [(rest.p_a, rest.p_b, 0.0, position, 0.0) for position in (-contact, *y, actuator.stroke + contact)]
     columns = (points.p_a, points.p_b, points.v, points.y, points.x)
     states += list(zip(*(column[points.feasible] for column in columns), strict=True))
     matrices = _jacobians(actuator, np.array(states).T)
-    return float(np.abs(np.linalg.eigvals(matrices)).max())
+    return max(float(np.abs(np.linalg.eigvals(matrices)).max()), _valve_mode(actuator))
 
 
 def substeps(actuator: Actuator, Ts: float) -> int:
     """Steps of the fixed-step integrator per sample: at most 0.35 rad of the fastest mode each."""
     return max(1, math.ceil(fastest_mode(actuator) * Ts / _RADIANS_PER_STEP))
+
+
+def _valve_mode(actuator: Actuator) -> float:
+    """The faster |root| of s^2 + 2 zeta w s + w^2 in rad/s; 0 for an ideal valve."""
+    if actuator.valve_natural_frequency is None:
+        return 0.0
+    damping = actuator.valve_damping
+    return actuator.valve_natural_frequency * max(1.0, damping + math.sqrt(max(0.0, damping**2 - 1.0)))
 
 
 def _jacobians(actuator: Actuator, states: np.ndarray) -> np.ndarray:

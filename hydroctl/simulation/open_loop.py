@@ -14,7 +14,7 @@ _SMALL = 1e-2
 
 
 def simulate(actuator: Actuator, t, x, *, initial: State | None = None, load_force=0.0, rtol: float = 1e-6) -> Trajectory:
-    """The motion for the opening x[k] held from t[k] to t[k+1]; t (n,) in s, rising; x a number or (n,) in [-1, 1].
+    """The motion for the valve command x[k] held from t[k] to t[k+1]; t (n,) in s, rising; x a number or (n,) in [-1, 1].
 
     Starts from `initial` (default: `rest_state(actuator, load_force=...)`). `load_force` in N, positive against extension, a
     number or (n,) held like x, is added to the actuator's. `rtol` bounds the local error of every state relative to its size,
@@ -25,9 +25,11 @@ def simulate(actuator: Actuator, t, x, *, initial: State | None = None, load_for
     t, x, load = _checked(t, x, load_force, rtol)
     start = rest_state(actuator, load_force=float(load[0])) if initial is None else State(*map(float, initial))
     if not np.isfinite(start).all():
-        raise InputError(f"initial = {start} holds a value that is not finite; give p_a, p_b in Pa, v in m/s, y in m.")
+        raise InputError(
+            f"initial = {start} holds a value that is not finite; give p_a, p_b in Pa, v in m/s, y in m, the spool as x."
+        )
     p = plant.parameters(actuator)
-    out = np.empty((4, t.size))
+    out = np.empty((6, t.size))
 
     from .dormand_prince import integrate
 
@@ -38,7 +40,9 @@ def simulate(actuator: Actuator, t, x, *, initial: State | None = None, load_for
             f"chamber has no volume left. Keep y within the stroke, 0 to {actuator.stroke:g} m, or raise rtol."
         )
     integrator = f"Dormand-Prince 5(4), rtol {rtol:g}, {steps} steps"
-    return require_motion(actuator, Trajectory(t, x, out[3], out[2], out[0], out[1], integrator))
+    return require_motion(
+        actuator, Trajectory(t, x, out[3], out[2], out[0], out[1], out[4], integrator, State(*map(float, out[:, -1])))
+    )
 
 
 def _checked(t, x, load_force, rtol) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -66,8 +70,9 @@ def _checked(t, x, load_force, rtol) -> tuple[np.ndarray, np.ndarray, np.ndarray
     return t, x, load
 
 
-def _scales(actuator: Actuator) -> tuple[float, float, float, float]:
-    """1 % of the range of p_a, p_b, v and y."""
+def _scales(actuator: Actuator) -> tuple[float, ...]:
+    """1 % of the range of each state."""
     pressure = actuator.supply_pressure
     speed = actuator.flow_coefficient * pressure**0.5 / min(actuator.area_a, actuator.area_b)
-    return _SMALL * pressure, _SMALL * pressure, _SMALL * speed, _SMALL * actuator.stroke
+    ranges = (pressure, pressure, speed, actuator.stroke, 1.0, actuator.valve_natural_frequency or 1.0)
+    return tuple(_SMALL * size for size in ranges)

@@ -7,15 +7,27 @@ a library call for the tangent would keep a loop over lanes from becoming vector
 from __future__ import annotations
 
 from numba import njit
-from numpy import abs, sqrt
+from numpy import abs, copysign, sqrt
 
-__all__ = ["abs", "real", "sqrt", "tan", "where"]
+__all__ = ["abs", "copysign", "maximum", "minimum", "real", "sqrt", "tan", "where"]
 
 
 @njit(error_model="numpy")
 def where(condition, yes, no):
     """`yes` where the condition holds, else `no`."""
     return yes if condition else no
+
+
+@njit(error_model="numpy")
+def maximum(one, other):
+    """The larger number."""
+    return one if one > other else other
+
+
+@njit(error_model="numpy")
+def minimum(one, other):
+    """The smaller number."""
+    return one if one < other else other
 
 
 @njit(error_model="numpy")

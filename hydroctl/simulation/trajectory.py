@@ -13,12 +13,17 @@ from ..operating_point import stall_force
 
 
 class State(NamedTuple):
-    """The plant's state: chamber pressures in Pa, speed in m/s and position in m."""
+    """The plant's state: chamber pressures in Pa, speed in m/s, position in m; spool position (as x) and its rate in 1/s.
+
+    An ideal valve's spool is where it is told to be, whatever it was.
+    """
 
     p_a: float
     p_b: float
     v: float
     y: float
+    spool: float = 0.0
+    spool_rate: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,22 +33,21 @@ class Trajectory:
     t: np.ndarray
     """s"""
     x: np.ndarray
-    """the opening that the valve was told, from t[k] until t[k+1]"""
+    """the command that the valve was given, from t[k] until t[k+1]"""
     y: np.ndarray
     v: np.ndarray
     p_a: np.ndarray
     p_b: np.ndarray
+    spool: np.ndarray
+    """where the spool was; x itself for an ideal valve"""
     integrator: str
     """how it was integrated, for the reader"""
+    final: State
+    """where it ended (open loop: at t[-1]; closed loop: one sample later), from which another simulation can go on"""
     reference: np.ndarray | None = None
     """closed loop only: the reference of v or y"""
     command: np.ndarray | None = None
     """closed loop only: what the regulator put out at t[k], which the valve is told `delay_samples` later"""
-
-    @property
-    def final(self) -> State:
-        """The last state, from which another simulation can go on."""
-        return State(*(float(values[-1]) for values in (self.p_a, self.p_b, self.v, self.y)))
 
 
 def require_motion(actuator: Actuator, trajectory: Trajectory) -> Trajectory:
