@@ -39,6 +39,7 @@ _HOME = {
     "simulate": "simulation",
     "simulate_closed_loop": "simulation",
     "tune": "tuning",
+    "tune_fixed": "tuning",
     "reduce_order": "reduction",
 }
 

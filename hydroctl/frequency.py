@@ -71,9 +71,15 @@ class SampledFamily:
 
     def take(self, indices) -> SampledFamily:
         """The members at flat `indices`, along one axis."""
+        return replace(self, **{name: array[indices] for name, array in self.reshape(-1)._arrays().items()})
+
+    def reshape(self, *shape: int) -> SampledFamily:
+        """The same members in another shape."""
         rank = len(self.shape)
-        arrays = {name: getattr(self, name) for name in _ARRAYS}
-        return replace(self, **{name: array.reshape(-1, *array.shape[rank:])[indices] for name, array in arrays.items()})
+        return replace(self, **{name: array.reshape(*shape, *array.shape[rank:]) for name, array in self._arrays().items()})
+
+    def _arrays(self) -> dict[str, np.ndarray]:
+        return {name: getattr(self, name) for name in _ARRAYS}
 
     @classmethod
     def stack(cls, families: list[SampledFamily]) -> SampledFamily:

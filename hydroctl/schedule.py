@@ -37,6 +37,10 @@ class GainSchedule:
     """(nx,) nodes of the valve opening, ascending, none zero"""
     y: np.ndarray
     """(ny,) nodes of the position in m, ascending"""
+    design_x: np.ndarray
+    """openings at which the limits were imposed; the nodes, unless one regulator serves a whole grid"""
+    design_y: np.ndarray
+    """positions at which the limits were imposed, m"""
     kp: np.ndarray
     """(nx, ny), x per m/s (velocity) or per m (position)"""
     ki: np.ndarray
@@ -100,8 +104,8 @@ class GainSchedule:
 
     @cached_property
     def margins(self) -> ScheduleMargins:
-        """Margins at the nodes and half-way between them, for the nominal plant and every variant of the specification."""
-        return check_margins(self, _with_midpoints(self.x), _with_midpoints(self.y))
+        """Margins at the design points and half-way between them, for the nominal plant and every variant."""
+        return check_margins(self, _with_midpoints(self.design_x), _with_midpoints(self.design_y))
 
     def save(self, path: str | Path) -> Path:
         """Write the schedule as JSON (see `schedule_document`), atomically."""
@@ -117,17 +121,20 @@ class ScheduleMargins:
     """(mx,)"""
     y: np.ndarray
     """(my,) m"""
-    at_node: np.ndarray
-    """(mx, my): True where the point is a node of the schedule"""
+    designed: np.ndarray
+    """(mx, my): True where the limits were imposed"""
     margins: Margins
     """over (variants, mx, my)"""
 
-    def worst(self, name: str, *, nodes_only: bool = False) -> WorstPoint:
-        """Where the margin `name` of `Margins` is worst: largest Ms, Mt; smallest of the others."""
+    def worst(self, name: str, *, where: np.ndarray | None = None) -> WorstPoint:
+        """Where the margin `name` of `Margins` is worst: largest Ms, Mt; smallest of the others.
+
+        `where` (mx, my), for example `designed`, leaves the other points out.
+        """
         values = np.asarray(getattr(self.margins, name), float)
         badness = values if name in ("Ms", "Mt") else -values
-        if nodes_only:
-            badness = np.where(self.at_node, badness, -np.inf)
+        if where is not None:
+            badness = np.where(where, badness, -np.inf)
         k, i, j = np.unravel_index(np.argmax(badness), badness.shape)
         return WorstPoint(name, float(values[k, i, j]), self.variants[k], float(self.x[i]), float(self.y[j]))
 
@@ -169,8 +176,8 @@ def check_margins(schedule: GainSchedule, x, y) -> ScheduleMargins:
     """Margins of `schedule` on the grid x (mx,) by y (my,), for every variant of its specification."""
     labels, plants = sampled_plants(schedule.actuator, x, y, schedule.loop, schedule.specification)
     regulators = schedule.gains(np.asarray(x)[:, None], y).broadcast_to(plants.shape)
-    at_node = np.isin(x, schedule.x)[:, None] & np.isin(y, schedule.y)
-    return ScheduleMargins(labels, np.asarray(x), np.asarray(y), at_node, analyse(Loop(plants, regulators)))
+    designed = np.isin(x, schedule.design_x)[:, None] & np.isin(y, schedule.design_y)
+    return ScheduleMargins(labels, np.asarray(x), np.asarray(y), designed, analyse(Loop(plants, regulators)))
 
 
 def load_schedule(path: str | Path) -> GainSchedule:
@@ -256,6 +263,8 @@ def _to_document(schedule: GainSchedule) -> schedule_document.Document:
     )
     uncertainty = specification.uncertainty
     design = d.Design(
+        x=schedule.design_x.tolist(),
+        y=schedule.design_y.tolist(),
         Ms=float(specification.Ms),
         Mt=float(specification.Mt),
         uncertainty=uncertainty if isinstance(uncertainty, str) else dict(uncertainty),
@@ -310,6 +319,8 @@ def _from_document(document: schedule_document.Document) -> GainSchedule:
         structure=document.structure,
         x=x,
         y=y,
+        design_x=np.array(design.x),
+        design_y=np.array(design.y),
         **{table.name: np.array(table.values) for table in document.scheduling.tables},
         zz=controller.notch_zero_damping,
         zp=controller.notch_pole_damping,

@@ -173,8 +173,10 @@ class Margins(_Part):
 
 
 class Design(_Part):
-    """The specification, and the margins that were reached."""
+    """The specification, the points x by y at which it was imposed, and the margins that were reached."""
 
+    x: Annotated[list[Number], Field(min_length=1)]
+    y: Annotated[list[Number], Field(min_length=1)]
     Ms: Positive
     Mt: Positive
     uncertainty: str | dict[str, tuple[Positive, Positive]]

@@ -44,7 +44,7 @@ def test_a_schedule_with_nodes_on_one_side_serves_both(reference):
 
 def test_the_margins_cover_nodes_and_midpoints_of_every_variant(schedule):
     assert schedule.margins.margins.Ms.shape == (5, 6, 5)
-    assert schedule.margins.at_node.sum() == schedule.x.size * schedule.y.size
+    assert schedule.margins.designed.sum() == schedule.x.size * schedule.y.size
     assert 0.0 not in schedule.margins.x
 
 
@@ -58,7 +58,7 @@ def test_the_worst_point_is_where_the_margin_is_worst(schedule):
 
 def test_a_file_reads_back_to_the_same_bits(schedule, saved):
     again = hc.load_schedule(saved)
-    for name in ("x", "y", "kp", "ki", "kd", "notch_frequency"):
+    for name in ("x", "y", "design_x", "design_y", "kp", "ki", "kd", "notch_frequency"):
         np.testing.assert_array_equal(getattr(again, name), getattr(schedule, name))
     for name in ("loop", "structure", "zz", "zp", "Tt", "Ts", "Tf", "delay_samples", "feed_forward", "actuator", "specification"):
         assert getattr(again, name) == getattr(schedule, name)
@@ -154,4 +154,4 @@ def test_a_directory_that_cannot_be_written_leaves_nothing(schedule, tmp_path):
 
 def test_margins_of_the_nodes_alone_are_those_of_the_nodes(schedule):
     nodes = check_margins(schedule, schedule.x, schedule.y)
-    assert nodes.worst("Ms").value == pytest.approx(schedule.margins.worst("Ms", nodes_only=True).value, rel=1e-12)
+    assert nodes.worst("Ms").value == pytest.approx(schedule.margins.worst("Ms", where=schedule.margins.designed).value, rel=1e-12)

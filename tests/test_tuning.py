@@ -63,6 +63,17 @@ def test_a_hundredth_more_integral_gain_breaks_a_limit_at_every_node(reference):
     assert np.all(analyse(Loop(plants, more.broadcast_to(plants.shape))).Ms.max(axis=0) > 1.6)
 
 
+def test_one_fixed_regulator_holds_at_every_point_and_variant_and_costs_gain(reference):
+    x, y = [-1.0, -0.02, 0.02, 1.0], np.linspace(0.0, 0.5, 5)
+    for loop in ("velocity", "position"):
+        fixed, scheduled = hc.tune_fixed(reference, x, y, loop=loop), hc.tune(reference, x, y, loop=loop)
+        assert fixed.kp.shape == (1, 1)
+        assert fixed.margins.margins.Ms.shape == scheduled.margins.margins.Ms.shape
+        assert fixed.margins.worst("Ms", where=fixed.margins.designed).value <= 1.6 * 1.0001
+        assert fixed.margins.unstable == 0
+        assert fixed.ki.max() <= scheduled.ki.min() * 1.001
+
+
 def test_the_circles_of_Ms_and_Mt_are_where_S_and_T_reach_their_limits():
     (centre_s, radius_s), (centre_t, radius_t) = circles(1.6, 1.3)
     angle = np.linspace(0.0, 2.0 * np.pi, 50)

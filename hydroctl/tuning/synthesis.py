@@ -39,36 +39,52 @@ def tune(
     where no gain meets the limits.
     """
     specification = Specification() if specification is None else specification
+    x, y, plants = _design_plants(actuator, x, y, loop, structure, specification)
+    regulators = _synthesize(plants, plants.resonance[0, ..., 0], structure, loop, specification, lambda i, j: (x[i], y[j]))
+    return _schedule(actuator, specification, loop, structure, (x, y), (x, y), regulators)
+
+
+def tune_fixed(
+    actuator: Actuator, x, y, *, loop: str = "velocity", structure: str = "pi", specification: Specification | None = None
+) -> GainSchedule:
+    """One regulator that holds at all points x by y and on all plants of the specification: a schedule with one node.
+
+    This is the robust constant regulator of the source paper's section 5; its notch stands at the middle of the nominal
+    plant's natural frequencies. Arguments and errors as in `tune`.
+    """
+    specification = Specification() if specification is None else specification
+    x, y, plants = _design_plants(actuator, x, y, loop, structure, specification)
+    natural = plants.resonance[0, ..., 0]
+    middle = np.array([[np.sqrt(natural.min() * natural.max())]])
+    every = plants.reshape(-1, 1, 1)
+    regulators = _synthesize(every, middle, structure, loop, specification, lambda i, j: (x[-1], y[len(y) // 2]))
+    return _schedule(actuator, specification, loop, structure, (x[-1:], y[len(y) // 2][None]), (x, y), regulators)
+
+
+def _design_plants(actuator: Actuator, x, y, loop: str, structure: str, specification: Specification):
     require_structure(structure)
     x, y = _nodes("x", x), _nodes("y", y)
     if (x == 0.0).any():
         raise InputError("x = 0 cannot be a node, because the plant has no derivative there; use a small opening of either sign.")
-    _, plants = sampled_plants(actuator, x, y, loop, specification)
-    natural = plants.resonance[0, ..., 0]
-    zz, zp = specification.notch_damping if "notch" in structure else (1.0, 1.0)
-    empty = np.zeros(natural.shape)
-    notch = Regulators(specification.sample_time, empty, empty, empty, natural, specification.Tf, zz, zp)
-    try:
-        regulators = _synthesize(plants, notch, structure, loop, specification)
-    except InfeasibleError as error:
-        i, j = error.args[0]
-        raise InfeasibleError(
-            f"x={x[i]:g}, y={y[j]:g} m: no gain, however small, keeps Ms <= {specification.Ms:g} and Mt <= {specification.Mt:g}. "
-            "Raise a limit or shorten the delay."
-        ) from None
+    return x, y, sampled_plants(actuator, x, y, loop, specification)[1]
+
+
+def _schedule(actuator, specification, loop: str, structure: str, nodes, points, regulators: Regulators) -> GainSchedule:
     return GainSchedule(
         actuator=actuator,
         specification=specification,
         loop=loop,
         structure=structure,
-        x=x,
-        y=y,
+        x=nodes[0],
+        y=nodes[1],
+        design_x=points[0],
+        design_y=points[1],
         kp=regulators.kp,
         ki=regulators.ki,
         kd=regulators.kd,
-        notch_frequency=natural,
-        zz=zz,
-        zp=zp,
+        notch_frequency=regulators.notch_frequency,
+        zz=regulators.zz,
+        zp=regulators.zp,
         Tt=_anti_windup_time(regulators.kp, regulators.ki, specification.sample_time),
         feed_forward=loop == "position",
         **_speed_gains(actuator),
@@ -82,19 +98,28 @@ def _nodes(name: str, values) -> np.ndarray:
     return nodes
 
 
-def _synthesize(plants: SampledFamily, notch: Regulators, structure: str, loop: str, specification: Specification) -> Regulators:
-    """Regulators (nx, ny) that hold on all `plants` (variants, nx, ny). InfeasibleError carries the node's index.
+def _synthesize(
+    plants: SampledFamily, notch_frequency, structure: str, loop: str, specification: Specification, place
+) -> Regulators:
+    """Regulators (nx, ny) that hold on all `plants` (variants, nx, ny), with notches at `notch_frequency` (nx, ny).
 
     The tuner sees a grid of frequencies. The refined peaks of |S| and |T| of its result join that grid until none is above its
-    limit.
+    limit. `place` gives (x, y) of a node's indices, for the message where nothing is feasible.
     """
+    zz, zp = specification.notch_damping if "notch" in structure else (1.0, 1.0)
+    empty = np.zeros(notch_frequency.shape)
+    notch = Regulators(specification.sample_time, empty, empty, empty, notch_frequency, specification.Tf, zz, zp)
     used = [GAINS.index(name) for name in STRUCTURES[structure]]
     objective = min(1, len(used) - 1)
     limits = circles(specification.Ms, specification.Mt)
     phi = _terms(plants, notch, frequency_grid(plants))[..., used]
     gains = small_gains(phi, limits, first=objective if loop == "velocity" else 0)
     if np.isnan(gains).any():
-        raise InfeasibleError(np.unravel_index(np.argmax(np.isnan(gains[:, 0])), notch.shape))
+        x, y = place(*np.unravel_index(np.argmax(np.isnan(gains).any(axis=1)), notch.shape))
+        raise InfeasibleError(
+            f"x={x:g}, y={y:g} m: no gain, however small, keeps Ms <= {specification.Ms:g} and Mt <= {specification.Mt:g}. "
+            "Raise a limit or shorten the delay."
+        )
     for _ in range(_REFINEMENTS):
         gains = largest_gains(phi, gains, objective, limits)
         table = np.zeros((len(GAINS), *notch.shape))
