@@ -63,7 +63,7 @@ def assert_poles_in(subject: LinearFamily | GainSchedule, region: HalfPlane | Da
     poles, describe = _poles(subject)
     outside = region.distance(poles)
     worst = np.unravel_index(np.argmax(outside), outside.shape)
-    if outside[worst] > 0.0:
+    if not outside[worst] <= 0.0:
         count = np.count_nonzero(outside.max(axis=-1) > 0.0)
         raise AssertionError(
             f"{count} of {outside[..., 0].size} points have poles outside {region}; worst at {describe(worst[:-1])}: "
@@ -94,9 +94,8 @@ def assert_margins(schedule: GainSchedule, **limits: float) -> None:
     for name, limit in limits.items():
         worst = schedule.margins.worst(name)
         missing = worst.value - limit if name in _UPPER_LIMITS else limit - worst.value
-        if missing > 0.0:
-            faults.append(
-                f"{name} is {worst.value:.6g} at x={worst.x:g}, y={worst.y:g} m, {worst.variant}: limit {limit:g}, off by {missing:.3g}"
-            )
+        if not missing <= 0.0:
+            where = f"x={worst.x:g}, y={worst.y:g} m, {worst.variant}"
+            faults.append(f"{name} is {worst.value:.6g} at {where}: limit {limit:g}, off by {missing:.3g}")
     if faults:
         raise AssertionError("; ".join(faults))

@@ -43,7 +43,7 @@ def test_margins_that_hold_pass(schedule):
 
 
 def test_every_margin_that_is_missed_is_named_with_its_place(schedule):
-    with pytest.raises(AssertionError, match=r"Ms is 1\.60\d+ at x=.* y=.* limit 1\.5, off by 0\.1.*; crossover is") as caught:
+    with pytest.raises(AssertionError, match=r"Ms is 1\.6\d+ at x=.* y=.* limit 1\.5, off by 0\.1.*; crossover is") as caught:
         assert_margins(schedule, Ms=1.5, crossover=1e4, Mt=1.3)
     assert "Mt" not in str(caught.value)
 
