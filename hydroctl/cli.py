@@ -65,9 +65,10 @@ def actuators(
         names = hydroctl.list_actuators()
         typer.echo(json.dumps(names) if as_json else "\n".join(names))
         return
-    machine = hydroctl.load_actuator(name)
-    derived = hydroctl.derive(machine)
-    typer.echo(json.dumps({"parameters": machine.parameters()}, indent=1) if as_json else derived.summary())
+    from .summary import describe, machine_to_dict
+
+    machine = hydroctl.characterize(hydroctl.load_actuator(name))
+    typer.echo(json.dumps(machine_to_dict(machine), indent=1) if as_json else describe(machine))
 
 
 def main() -> None:

@@ -15,6 +15,10 @@ from .frequency import SampledFamily, frequency_grid
 from .regulators import Regulators, series
 
 
+MARGIN_UNITS = {"Ms": "1", "Mt": "1", "gain_margin": "1", "phase_margin": "rad", "delay_margin": "s", "crossover": "rad/s"}
+"""the margins that reports and files state"""
+
+
 @dataclass(frozen=True, eq=False)
 class Loop:
     """The loops of a plant family with its regulators, over their common shape (...)."""

@@ -18,7 +18,7 @@ from .actuator import PARAMETERS, Actuator
 from .errors import InputError
 from .frequency import SampledFamily, sample
 from .linearization import linearize
-from .margins import Loop, Margins, analyse
+from .margins import MARGIN_UNITS, Loop, Margins, analyse
 from .operating_point import find_operating_points
 from .regulators import Regulators, require_structure
 from .specification import Specification, variants
@@ -138,6 +138,17 @@ class ScheduleMargins:
         k, i, j = np.unravel_index(np.argmax(badness), badness.shape)
         return WorstPoint(name, float(values[k, i, j]), self.variants[k], float(self.x[i]), float(self.y[j]))
 
+    def to_csv(self) -> str:
+        """One line for each point and variant: x, y in m, whether it is a design point, and the margins with their units."""
+        header = ["variant", "x", "y [m]", "design point", *(f"{name} [{unit}]" for name, unit in MARGIN_UNITS.items()), "stable"]
+        lines = [",".join(header)]
+        columns = [getattr(self.margins, name) for name in MARGIN_UNITS]
+        for k, i, j in np.ndindex(self.margins.Ms.shape):
+            values = [f"{column[k, i, j]:.8g}" for column in columns]
+            flags = [str(bool(self.designed[i, j])), *values, str(bool(self.margins.stable[k, i, j]))]
+            lines.append(",".join([f'"{self.variants[k]}"', f"{self.x[i]:.8g}", f"{self.y[j]:.8g}", *flags]))
+        return "\n".join(lines) + "\n"
+
     @property
     def unstable(self) -> int:
         """How many closed loops are unstable."""
@@ -217,7 +228,6 @@ _LAW = (
     "I = I + Ts*(ki*e + (x - u)/Tt); x acts delay_samples after the measurement; m is {measured}"
 )
 _MEASURED = {"velocity": "the speed v in m/s", "position": "the position y in m"}
-_MARGIN_UNITS = {"Ms": "1", "Mt": "1", "gain_margin": "1", "phase_margin": "rad", "delay_margin": "s", "crossover": "rad/s"}
 
 
 def _to_document(schedule: GainSchedule) -> schedule_document.Document:
@@ -268,7 +278,7 @@ def _to_document(schedule: GainSchedule) -> schedule_document.Document:
         Ms=float(specification.Ms),
         Mt=float(specification.Mt),
         uncertainty=uncertainty if isinstance(uncertainty, str) else dict(uncertainty),
-        achieved=d.Margins(**{name: _achieved(schedule.margins.worst(name), unit) for name, unit in _MARGIN_UNITS.items()}),
+        achieved=d.Margins(**{name: _achieved(schedule.margins.worst(name), unit) for name, unit in MARGIN_UNITS.items()}),
     )
     return d.Document(
         schema=d.SCHEMA,

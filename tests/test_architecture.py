@@ -27,10 +27,11 @@ LAYERS = (
     ("schedule",),
     ("tuning",),
     ("simulation",),
-    ("validation", "synchronization"),
+    ("validation", "synchronization", "verdicts"),
     ("export", "testing"),
     ("plotting",),
     ("report",),
+    ("summary",),
     ("design",),
     ("cli",),
 )

@@ -1,0 +1,126 @@
+"""The whole chain: from an actuator to a gain schedule with proof, in the order of the stages."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from .actuator import Actuator
+from .errors import InputError
+from .files import make_directory, write_file
+from .linearization import LinearFamily, linearize
+from .operating_point import OperatingPoints, find_operating_points
+from .quasi_linear import QuasiLinearModel
+from .reduction import SecondOrderFamily, reduce_order
+from .schedule import GainSchedule
+from .specification import Specification
+from .summary import summarize, to_dict
+from .surfaces import PoorFitWarning, fit_surfaces
+from .tuning import default_nodes, tune, tune_fixed
+from .validation import ValidationReport, Verdict, validate
+from .verdicts import margin_verdicts
+
+_OPENINGS = np.array([0.02, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0])
+
+
+def design(
+    actuator: Actuator, *, loop: str = "velocity", structure: str = "pi", specification: Specification | None = None
+) -> Design:
+    """Operating points, linear families, second-order models and surfaces, gain schedule, fixed regulator, validation.
+
+    The regulators are tuned on the third-order tangent models, whatever the error of the second order. Raises InputError for
+    input that cannot be used, InfeasibleError where no regulator meets the specification.
+    """
+    specification = Specification() if specification is None else specification
+    stage, seconds = _stopwatch()
+    x, y = default_nodes(actuator)
+    openings = np.concatenate([-_OPENINGS[::-1], _OPENINGS])
+    points = stage("operating points", lambda: find_operating_points(actuator, openings[:, None], y))
+    family = stage("linearization", lambda: linearize(actuator, points))
+    reduced = stage("reduction", lambda: reduce_order(linearize(actuator, points, form="secant")))
+    model, remarks = stage("surfaces", lambda: _surfaces(reduced))
+    common = {"loop": loop, "structure": structure, "specification": specification}
+    schedule = stage("tuning", lambda: tune(actuator, x, y, **common))
+    fixed = stage("fixed regulator", lambda: tune_fixed(actuator, x, y, **common))
+    verdicts = stage("margins", lambda: margin_verdicts(schedule))
+    validation = stage("validation", lambda: validate(actuator, schedule))
+    fixed_validation = stage("validation of the fixed regulator", lambda: validate(actuator, fixed))
+    return Design(
+        actuator, points, family, reduced, model, remarks, schedule, fixed, verdicts, validation, fixed_validation, seconds
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """The results of every stage, and the verdicts on the schedule."""
+
+    actuator: Actuator
+    points: OperatingPoints
+    family: LinearFamily
+    """tangent models"""
+    reduced: SecondOrderFamily
+    """second order from the secant models"""
+    model: QuasiLinearModel | None
+    """None where too few points reduce to second order"""
+    remarks: tuple[str, ...]
+    """what the user should know of the reduced model"""
+    schedule: GainSchedule
+    fixed: GainSchedule
+    """one regulator for all points and variants, for comparison"""
+    margin_verdicts: tuple[Verdict, ...]
+    validation: ValidationReport
+    fixed_validation: ValidationReport
+    seconds: dict[str, float]
+    """time that each stage took"""
+
+    @property
+    def passed(self) -> bool:
+        """True where every requirement on margins and on the nonlinear plant is met."""
+        return all(verdict.passed for verdict in self.margin_verdicts) and self.validation.passed
+
+    def summary(self) -> str:
+        """The design in a screenful: verdicts first, then the worst points and the comparison with the fixed regulator."""
+        return summarize(self)
+
+    def to_dict(self) -> dict:
+        """The same for programs."""
+        return to_dict(self)
+
+    def save(self, directory: str | Path) -> list[Path]:
+        """Write schedule.json, margins.csv, summary.txt and the figures (PNG and SVG). Raises InputError where it cannot."""
+        from .plotting import design_figures, save_figures
+
+        directory = make_directory(directory)
+        return [
+            self.schedule.save(directory / "schedule.json"),
+            write_file(directory / "margins.csv", self.schedule.margins.to_csv().encode()),
+            write_file(directory / "summary.txt", (self.summary() + "\n").encode()),
+            *save_figures(design_figures(self.family, self.reduced, self.schedule, self.validation), directory),
+        ]
+
+
+def _surfaces(reduced: SecondOrderFamily) -> tuple[QuasiLinearModel | None, tuple[str, ...]]:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", PoorFitWarning)
+        try:
+            model, remarks = fit_surfaces(reduced), ()
+        except InputError as error:
+            model, remarks = None, error.faults
+    return model, (*remarks, *(str(warning.message) for warning in caught))
+
+
+def _stopwatch() -> tuple[Callable, dict[str, float]]:
+    seconds: dict[str, float] = {}
+
+    def stage(name: str, work: Callable):
+        start = time.perf_counter()
+        result = work()
+        seconds[name] = time.perf_counter() - start
+        return result
+
+    return stage, seconds
