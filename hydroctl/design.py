@@ -42,7 +42,7 @@ def design(
     openings = np.concatenate([-_OPENINGS[::-1], _OPENINGS])
     points = stage("operating points", lambda: find_operating_points(actuator, openings[:, None], y))
     family = stage("linearization", lambda: linearize(actuator, points))
-    reduced = stage("reduction", lambda: reduce_order(linearize(actuator, points, form="secant")))
+    reduced = stage("reduction", lambda: reduce_order(family))
     model, remarks = stage("surfaces", lambda: _surfaces(reduced))
     common = {"loop": loop, "structure": structure, "specification": specification}
     schedule = stage("tuning", lambda: tune(actuator, x, y, **common))
@@ -64,7 +64,6 @@ class Design:
     family: LinearFamily
     """tangent models"""
     reduced: SecondOrderFamily
-    """second order from the secant models"""
     model: QuasiLinearModel | None
     """None where too few points reduce to second order"""
     remarks: tuple[str, ...]
@@ -96,11 +95,12 @@ class Design:
         from .plotting import design_figures, save_figures
 
         directory = make_directory(directory)
+        motions = [(run.scenario, run.trajectory) for run in self.validation.runs if run.trajectory is not None]
         return [
             self.schedule.save(directory / "schedule.json"),
             write_file(directory / "margins.csv", self.schedule.margins.to_csv().encode()),
             write_file(directory / "summary.txt", (self.summary() + "\n").encode()),
-            *save_figures(design_figures(self.family, self.reduced, self.schedule, self.validation), directory),
+            *save_figures(design_figures(self.family, self.reduced, self.schedule, motions), directory),
         ]
 
 

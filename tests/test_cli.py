@@ -1,0 +1,108 @@
+"""The command line: exit codes, messages, and what is left behind."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+import hydroctl as hc
+from hydroctl.cli import main
+
+
+def run(monkeypatch, capsys, *arguments):
+    """(exit code, stdout, stderr) of `hydroctl` with these arguments, in this process."""
+    monkeypatch.setattr(sys, "argv", ["hydroctl", *map(str, arguments)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    out, err = capsys.readouterr()
+    return ended.value.code or 0, out, err
+
+
+SHEET = """
+area_a = "20 cm^2"
+area_b = "15 cm^2"
+volume_a = "0.5 L"
+volume_b = "1.5 L"
+stroke = "0.5 m"
+bulk_modulus = "1.2 GPa"
+flow_coefficient = 3e-7
+supply_pressure = "160 bar"
+mass = "100 kg"
+viscous_friction = 2000
+"""
+
+
+@pytest.fixture
+def sheet(tmp_path):
+    def write(*changes):
+        text = SHEET
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        path = tmp_path / "machine.toml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (('mass = "100 kg"', 'mas = "100 kg"'), "'mas' is unknown; did you mean 'mass'"),
+        (('mass = "100 kg"', "mass = -5"), "mass = -5 kg must be above 0"),
+        (('mass = "100 kg"', 'mass = "heavy"'), "mass = 'heavy' is not one number with one unit"),
+        (('area_a = "20 cm^2"\narea_b = "15 cm^2"', 'bore_diameter = "50 mm"\nrod_diameter = "60 mm"'), "rod_diameter"),
+    ],
+)
+def test_a_bad_data_sheet_is_one_message_and_code_2_and_leaves_nothing(monkeypatch, capsys, sheet, tmp_path, change, message):
+    out = tmp_path / "out"
+    code, stdout, stderr = run(monkeypatch, capsys, "design", sheet(change), "-o", out)
+    assert (code, stdout) == (2, "")
+    assert message in stderr
+    assert "Traceback" not in stderr
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("design", "missing.toml"), "cannot be read"),
+        (("design", "referense"), "did you mean 'reference'"),
+        (("design", "reference", "--structure", "pidd"), "did you mean 'pid'"),
+        (("design", "reference", "--Ms", "0.5"), "Ms = 0.5"),
+        (("actuators", "nothing"), "is unknown"),
+    ],
+)
+def test_bad_arguments_are_one_message_and_code_2(monkeypatch, capsys, tmp_path, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    code, stdout, stderr = run(monkeypatch, capsys, *arguments)
+    assert (code, stdout) == (2, "")
+    assert message in stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_output_directory_that_cannot_be_made_is_code_2(monkeypatch, capsys, tmp_path):
+    (tmp_path / "file").write_text("")
+    code, _, stderr = run(monkeypatch, capsys, "design", "reference", "-o", tmp_path / "file" / "out")
+    assert code == 2
+    assert "cannot be written" in stderr
+
+
+def test_actuators_are_listed_and_described(monkeypatch, capsys):
+    code, stdout, _ = run(monkeypatch, capsys, "actuators")
+    assert code == 0
+    assert stdout.split() == hc.list_actuators()
+    code, stdout, _ = run(monkeypatch, capsys, "actuators", "reference")
+    assert code == 0
+    for part in ("area_a", "bulk_modulus", "natural frequency", "stall force", "ASSUMED"):
+        assert part in stdout
+    code, stdout, _ = run(monkeypatch, capsys, "actuators", "reference", "--json")
+    assert json.loads(stdout)["parameters"]["mass"] == 500.0
+
+
+def test_help_loads_nothing_heavy():
+    code = "import sys, hydroctl.cli; print([m for m in ('numpy', 'scipy', 'control', 'matplotlib', 'numba') if m in sys.modules])"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert loaded.stdout.strip() == "[]"

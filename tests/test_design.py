@@ -1,0 +1,63 @@
+"""The main job on the reference actuator, for both loops: what it leaves, what it says, and its exit code."""
+
+import json
+
+import numpy as np
+import pytest
+
+import hydroctl as hc
+
+from .test_cli import run
+
+
+@pytest.fixture(scope="module", params=["velocity", "position"])
+def designed(request, reference):
+    return hc.design(reference, loop=request.param)
+
+
+def test_every_requirement_is_met(designed):
+    assert designed.passed
+    assert designed.margin_verdicts
+    assert designed.validation.verdicts
+    assert designed.schedule.margins.unstable == 0
+
+
+def test_margins_are_reported_at_and_between_all_nodes_for_all_plants(designed):
+    lines = designed.schedule.margins.to_csv().splitlines()
+    variants, x, y = 5, 4 + 2, 9 + 8
+    assert len(lines) == 1 + variants * x * y
+    assert lines[0].endswith("Ms [1],Mt [1],gain_margin [1],phase_margin [rad],delay_margin [s],crossover [rad/s],stable")
+
+
+def test_the_fixed_regulator_stands_beside_the_schedule(designed):
+    assert designed.fixed.ki.max() <= designed.schedule.ki.min() * 1.001
+    assert "fixed" in designed.summary()
+    assert 0.5 < designed.to_dict()["scheduled_over_fixed_iae"] < 1.05
+
+
+def test_the_nonlinear_trial_covers_three_positions_both_directions_and_saturation(designed):
+    runs = designed.validation.runs
+    steps = [run for run in runs if run.scenario.kind == "step"]
+    moved = np.array([np.sign(run.trajectory.y[-1] - run.trajectory.y[0]) for run in steps])
+    assert len({round(run.scenario.y, 1) for run in steps}) == 3
+    assert (moved > 0).sum() == (moved < 0).sum() == 3
+    assert any(np.abs(run.trajectory.command).max() == 1.0 for run in runs if run.scenario.kind == "saturated")
+
+
+def test_a_design_is_saved_whole_and_its_schedule_loads(designed, tmp_path):
+    written = designed.save(tmp_path / "out")
+    assert {path.name for path in written} >= {"schedule.json", "margins.csv", "summary.txt", "bode.png", "bode.svg"}
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(path.name for path in written)
+    assert all(path.stat().st_size > 100 for path in written)
+    np.testing.assert_array_equal(hc.load_schedule(tmp_path / "out" / "schedule.json").ki, designed.schedule.ki)
+
+
+def test_a_machine_whose_requirement_is_not_met_ends_with_code_1_and_says_where(monkeypatch, capsys, tmp_path):
+    sheet = tmp_path / "loaded.toml"
+    hc.save_actuator(hc.load_actuator("reference").replace(name="loaded", load_force=1.2e6), sheet)
+    code, stdout, _ = run(monkeypatch, capsys, "design", sheet, "-o", tmp_path / "out", "--uncertainty", "nominal", "--json")
+    answer = json.loads(stdout)
+    failed = [verdict for verdict in answer["verdicts"] if not verdict["passed"]]
+    assert code == 1
+    assert failed
+    assert all(verdict["scenario"] and verdict["variant"] for verdict in failed)
