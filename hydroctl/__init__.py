@@ -26,6 +26,7 @@ _HOME = {
     "Specification": "specification",
     "State": "simulation",
     "Trajectory": "simulation",
+    "ValidationReport": "validation",
     "find_operating_points": "operating_point",
     "linearize": "linearization",
     "list_actuators": "datasheet",
@@ -34,7 +35,9 @@ _HOME = {
     "rest_state": "simulation",
     "simulate": "simulation",
     "simulate_closed_loop": "simulation",
+    "step_scenarios": "validation",
     "tune": "tuning",
+    "validate": "validation",
 }
 
 __all__ = sorted(_HOME)
