@@ -42,9 +42,11 @@ _HOME = {
     "rest_state": "simulation",
     "simulate": "simulation",
     "simulate_closed_loop": "simulation",
+    "step_scenarios": "validation",
     "tune": "tuning",
     "tune_fixed": "tuning",
     "reduce_order": "reduction",
+    "validate": "validation",
 }
 
 __all__ = sorted(_HOME)

@@ -8,7 +8,8 @@ At sample k, with the reference r, the measured quantity m (v for a velocity loo
     u  = kp e + I + kd d
     w  = notch(u) + feed-forward(v_ref)                             feed-forward: v_ref/K + offset of the side of v_ref, 0 at 0
     x  = w limited to [-1, 1]
-    I += Ts (ki e + (x - w)/Tt)                                     forward Euler, in units of x; back-calculation of the limit
+    I += Ts (ki e + (x - w)/Tt)                                     forward Euler, in units of x; back-calculation of the limit;
+                                                                    stays 0 for a schedule whose ki is 0 everywhere
 
 The notch (s^2 + 2 zz wn s + wn^2)/(s^2 + 2 zp wn s + wn^2) is Tustin's, prewarped at wn, in the transposed direct form II; with
 zz = zp it passes u on unchanged. Every function takes numbers, as Python or compiled, and is free of branches.
@@ -43,7 +44,7 @@ class Regulator(NamedTuple):
     zz: float
     zp: float
     tracking_rate: float
-    """1/Tt in 1/s"""
+    """1/Tt in 1/s; 0 for a schedule without integral"""
     extend_slope: float
     """feed-forward per speed, s/m, for v_ref > 0"""
     extend_offset: float

@@ -44,7 +44,7 @@ def regulator_of(schedule: GainSchedule) -> Regulator:
         Tf=float(s.Tf),
         zz=float(s.zz),
         zp=float(s.zp),
-        tracking_rate=1.0 / float(s.Tt),
+        tracking_rate=1.0 / float(s.Tt) if np.any(s.ki) else 0.0,
         extend_slope=used / float(s.speed_gain_extend),
         extend_offset=used * float(s.speed_offset_extend),
         retract_slope=used / float(s.speed_gain_retract),

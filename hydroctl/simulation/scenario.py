@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, unknown_name
 from .trajectory import State
 
 LOOPS = ("velocity", "position")
+KINDS = ("step", "saturated", "reversal", "tracking")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -31,11 +32,17 @@ class Scenario:
     """(n,) or a number, N, positive against extension, held from sample to sample; added to the actuator's"""
     initial: State | None = None
     """default: `rest_state` at y under the first load"""
+    kind: str = "tracking"
+    """"step": within the valve's range; "saturated": beyond it; "reversal"; "tracking": anything else, not expected to settle"""
+    settle_by: float | None = None
+    """s after the last change of the reference in which the loop is expected to settle; default: the whole duration"""
 
     def __post_init__(self):
         faults = []
         if self.loop not in LOOPS:
-            faults.append(f"loop = {self.loop!r} is unknown; give 'velocity' or 'position'.")
+            faults.append(unknown_name("loop", self.loop, LOOPS))
+        if self.kind not in KINDS:
+            faults.append(unknown_name("kind", self.kind, KINDS))
         if not 0.0 < self.Ts < np.inf:
             faults.append(f"Ts = {self.Ts!r} must be a sample time above 0 s.")
         reference = np.array(self.reference, dtype=float)
@@ -54,6 +61,9 @@ class Scenario:
             raise InputError([f"scenario {self.name!r}: {fault}" for fault in faults])
         for name, array in (("reference", reference), ("v_ref", v_ref), ("load_force", load)):
             object.__setattr__(self, name, np.ascontiguousarray(np.broadcast_to(array, reference.shape)))
+
+        if self.settle_by is None:
+            object.__setattr__(self, "settle_by", self.duration)
 
     @property
     def t(self) -> np.ndarray:

@@ -1,0 +1,20 @@
+"""Validation on the nonlinear plant: scenarios, metrics, requirements and the verdict on each."""
+
+from .metrics import Metrics, measure
+from .report import Run, ValidationReport, validate
+from .scenarios import Scale, scale_of, step_scenarios
+from .verdict import Requirement, Verdict, default_requirements
+
+__all__ = [
+    "Metrics",
+    "Requirement",
+    "Run",
+    "Scale",
+    "ValidationReport",
+    "Verdict",
+    "default_requirements",
+    "measure",
+    "scale_of",
+    "step_scenarios",
+    "validate",
+]

@@ -1,0 +1,105 @@
+"""`validate`: a schedule against requirements, on the nonlinear plant and its variants."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from ..actuator import Actuator
+from ..errors import InputError, SimulationError, unknown_name
+from ..simulation import Scenario, Trajectory, simulate_closed_loop
+from .metrics import Metrics, measure
+from .scenarios import scale_of, step_scenarios
+from .verdict import Requirement, Verdict, default_requirements, judge
+
+if TYPE_CHECKING:
+    from ..schedule import GainSchedule
+
+VARIATIONS = {"bulk_modulus": 0.3, "mass": 0.5, "supply_pressure": 0.2}
+"""Relative half-widths of the "corners"."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One scenario on one variant of the plant. A run that failed says why in `reason` and has neither motion nor metrics."""
+
+    scenario: Scenario
+    variant: str
+    actuator: Actuator
+    trajectory: Trajectory | None
+    metrics: Metrics | None
+    reason: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class ValidationReport:
+    """All runs, and the verdict on every requirement."""
+
+    runs: tuple[Run, ...]
+    verdicts: tuple[Verdict, ...]
+
+    @property
+    def passed(self) -> bool:
+        """True where every requirement is met."""
+        return all(verdict.passed for verdict in self.verdicts)
+
+    @property
+    def metrics(self) -> dict[tuple[str, str], Metrics | None]:
+        """Metrics by (variant, scenario name)."""
+        return {(run.variant, run.scenario.name): run.metrics for run in self.runs}
+
+    def summary(self) -> str:
+        """A line for each requirement, and the outcome."""
+        failed = sum(not verdict.passed for verdict in self.verdicts)
+        variants = len({run.variant for run in self.runs})
+        head = f"{len(self.runs)} runs on the nonlinear plant ({len(self.runs) // variants} scenarios, {variants} variants): "
+        outcome = "every requirement is met" if self.passed else f"{failed} of {len(self.verdicts)} requirements are not met"
+        return "\n".join([head + outcome, *(f"  {verdict}" for verdict in self.verdicts)])
+
+
+def validate(
+    actuator: Actuator,
+    schedule: GainSchedule,
+    *,
+    scenarios: Sequence[Scenario] | None = None,
+    variants: Literal["nominal", "corners"] = "nominal",
+    requirements: Sequence[Requirement] | None = None,
+) -> ValidationReport:
+    """Simulate every scenario on every variant of the nonlinear plant and judge the requirements.
+
+    `scenarios` default to `step_scenarios`, `requirements` to `default_requirements` of the nominal machine and the Mt of the
+    schedule's specification. `variants`: "nominal", or "corners" for the nominal plant and the eight combinations of bulk modulus
+    +-30 %, mass +-50 % and supply pressure +-20 %. A run that fails is in the report with its reason; it raises nothing.
+    Raises InputError for an unknown loop or variant and for scenarios that do not fit the schedule.
+    """
+    if scenarios is None:
+        scenarios = step_scenarios(actuator, schedule.loop, Ts=schedule.Ts)
+    if not scenarios:
+        raise InputError("scenarios is empty; give at least one, or leave it out for the library's.")
+    if requirements is None:
+        requirements = default_requirements(scale_of(actuator, schedule.loop), schedule.loop, Mt=schedule.specification.Mt)
+    plants = _variants(actuator, variants)
+    runs = tuple(_run(label, plant, schedule, scenario) for label, plant in plants.items() for scenario in scenarios)
+    return ValidationReport(runs, judge(requirements, runs))
+
+
+def _run(label: str, plant: Actuator, schedule: GainSchedule, scenario: Scenario) -> Run:
+    try:
+        trajectory = simulate_closed_loop(plant, schedule, scenario)
+    except SimulationError as error:
+        return Run(scenario, label, plant, None, None, str(error))
+    return Run(scenario, label, plant, trajectory, measure(plant, scenario, trajectory))
+
+
+def _variants(actuator: Actuator, name: str) -> dict[str, Actuator]:
+    if name not in ("nominal", "corners"):
+        raise InputError(unknown_name("variants", name, ("nominal", "corners")))
+    plants = {"nominal": actuator}
+    signs = itertools.product((-1.0, 1.0), repeat=len(VARIATIONS)) if name == "corners" else ()
+    for corner in signs:
+        change = {field: sign * VARIATIONS[field] for field, sign in zip(VARIATIONS, corner, strict=True)}
+        label = ", ".join(f"{field} {100 * part:+.0f} %" for field, part in change.items())
+        plants[label] = actuator.replace(**{field: getattr(actuator, field) * (1.0 + part) for field, part in change.items()})
+    return plants

@@ -1,0 +1,112 @@
+"""Requirements, and the verdict on each: what was asked, what was achieved, where it was worst."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from ..actuator import Actuator
+from ..simulation.scenario import Scenario
+from .metrics import BAND, Metrics
+from .scenarios import Scale
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """`achieved` of a motion must not exceed `limit`, in every scenario whose kind is in `kinds`."""
+
+    name: str
+    unit: str
+    """as shown; SI"""
+    reason: str
+    """where the limit comes from"""
+    kinds: tuple[str, ...]
+    achieved: Callable[[Metrics], float]
+    limit: Callable[[Scenario, Actuator], float]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One requirement's worst case over all scenarios and variants."""
+
+    name: str
+    unit: str
+    reason: str
+    limit: float
+    achieved: float
+    passed: bool
+    scenario: str
+    variant: str
+
+    def __str__(self) -> str:
+        sign, word = ("<=", "pass") if self.passed else (">", "FAIL")
+        where = f"{self.scenario}; {self.variant}"
+        return f"{word}  {self.name}: {self.achieved:.4g} {sign} {self.limit:.4g} {self.unit}".rstrip() + f"  ({where})"
+
+
+_ALL = ("step", "saturated", "reversal", "tracking")
+_SETTLES = ("step", "saturated", "reversal")
+
+
+def default_requirements(scale: Scale, loop: str, *, Mt: float = 1.3) -> tuple[Requirement, ...]:
+    """Requirements that follow from the machine (its time constant, pressures and stroke) and the design's Mt."""
+    unit = "m/s" if loop == "velocity" else "m"
+    times = scale.settling / scale.time_constant
+    return (
+        Requirement(
+            "settling time",
+            "s",
+            f"{times:g} time constants 1/(2 zeta omega_n) ({scale.time_constant:.3g} s each), after the way at full opening",
+            _SETTLES,
+            lambda m: m.settling_time,
+            lambda scenario, _: scenario.settle_by,
+        ),
+        Requirement("overshoot of a step", "", "Mt - 1 of the design", ("step",), lambda m: m.overshoot, lambda *_: Mt - 1.0),
+        Requirement(
+            "overshoot after saturation",
+            unit,
+            "what a step within the valve's range may overshoot: the integral must not have wound up",
+            ("saturated",),
+            lambda m: m.passing,
+            lambda *_: (Mt - 1.0) * scale.step,
+        ),
+        Requirement("lasting oscillation", "", "half the settling band", _SETTLES, lambda m: m.oscillation, lambda *_: 0.5 * BAND),
+        Requirement("steady error", "", "half the settling band", _SETTLES, lambda m: abs(m.steady_error), lambda *_: 0.5 * BAND),
+        Requirement(
+            "peak pressure", "Pa", "supply pressure", _ALL, lambda m: m.peak_pressure, lambda _, plant: plant.supply_pressure
+        ),
+        Requirement("time below tank pressure", "s", "no chamber may cavitate", _ALL, lambda m: m.cavitation_time, lambda *_: 0.0),
+        Requirement(
+            "passing of the stroke",
+            "m",
+            "1 % of the stroke, for the give of the end stops",
+            _ALL,
+            lambda m: m.beyond_stroke,
+            lambda _, plant: 0.01 * plant.stroke,
+        ),
+    )
+
+
+def judge(requirements: Iterable[Requirement], runs) -> tuple[Verdict, ...]:
+    """A verdict for each requirement that some run is subject to, and one for the runs that did not reach their end.
+
+    A run has `.scenario`, `.variant`, `.actuator`, `.metrics` and `.reason`.
+    """
+    ended = [run for run in runs if not run.reason]
+    verdicts = []
+    for requirement in requirements:
+        cases = [
+            (requirement.achieved(run.metrics), requirement.limit(run.scenario, run.actuator), run)
+            for run in ended
+            if run.scenario.kind in requirement.kinds and not math.isnan(requirement.achieved(run.metrics))
+        ]
+        if cases:
+            achieved, limit, run = max(cases, key=lambda case: case[0] - case[1])
+            common = (requirement.name, requirement.unit, requirement.reason, limit, achieved, achieved <= limit)
+            verdicts.append(Verdict(*common, run.scenario.name, run.variant))
+    failed = [run for run in runs if run.reason]
+    worst = (failed or runs)[0]
+    reason = worst.reason or "every simulation must reach its end"
+    count = float(len(failed))
+    return (Verdict("simulations that failed", "", reason, 0.0, count, not failed, worst.scenario.name, worst.variant), *verdicts)

@@ -1,0 +1,171 @@
+"""Validation: metrics against known answers, scenarios that fit the machine, and requirements that tell good loops from bad."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from loops import schedule
+
+import hydroctl as hc
+from hydroctl.errors import InputError
+from hydroctl.simulation import Scenario, Trajectory
+from hydroctl.validation import Metrics, default_requirements, measure, scale_of, step_scenarios, validate
+from hydroctl.validation.verdict import judge
+
+ACTUATOR = hc.load_actuator("reference")
+ZETA, OMEGA, TS = 0.4, 50.0, 1e-4
+
+
+def second_order_answer(t):
+    """Unit step of omega^2/(s^2 + 2 zeta omega s + omega^2)."""
+    damped = math.sqrt(1 - ZETA**2)
+    return 1 - np.exp(-ZETA * OMEGA * t) * (np.cos(OMEGA * damped * t) + ZETA / damped * np.sin(OMEGA * damped * t))
+
+
+def trajectory_of(y, command, p_a=1e7, p_b=2e7):
+    n = y.size
+    rows = {name: np.broadcast_to(np.asarray(value, float), n) for name, value in (("p_a", p_a), ("p_b", p_b))}
+    return Trajectory(TS * np.arange(n), command, y, np.zeros(n), **rows, spool=command, integrator="", final=None, command=command)
+
+
+def step_of_second_order(size=0.02, first=100, samples=6000, **changes):
+    t = TS * (np.arange(samples) - first)
+    y = 0.1 + size * np.where(t > 0, second_order_answer(np.maximum(t, 0)), 0.0)
+    reference = 0.1 + size * (t >= -1e-12)
+    asked = Scenario(name="step", loop="position", Ts=TS, reference=reference, y=0.1, kind="step", **changes)
+    return asked, y
+
+
+@pytest.mark.parametrize("size", [0.02, -0.01])
+def test_step_metrics_of_a_second_order_loop_are_the_textbook_ones(size):
+    """Overshoot exp(-pi zeta/sqrt(1 - zeta^2)); rise and settling by python-control."""
+    import control
+
+    asked, y = step_of_second_order(size)
+    found = measure(ACTUATOR, asked, trajectory_of(y, np.zeros(y.size)))
+    overshoot = math.exp(-math.pi * ZETA / math.sqrt(1 - ZETA**2))
+    t = TS * np.arange(6000)
+    info = control.step_info(second_order_answer(t), t, SettlingTimeThreshold=0.02)
+    assert found.overshoot == pytest.approx(overshoot, abs=1e-4)
+    assert found.passing == pytest.approx(overshoot * abs(size), abs=1e-4 * abs(size))
+    assert found.rise_time == pytest.approx(info["RiseTime"], abs=2 * TS)
+    assert found.settling_time == pytest.approx(info["SettlingTime"], abs=2 * TS)
+    assert abs(found.steady_error) <= 1e-4
+    assert found.largest_error == pytest.approx(abs(size), rel=1e-12)
+
+
+def test_integrals_of_the_error_are_the_closed_forms():
+    """For an exponential e = exp(-t/T): IAE = T, ISE = T/2; left sums are high by Ts/2 each, up to (Ts/T)^2."""
+    T, n = 0.05, 20000
+    y = 0.1 - 0.02 * np.exp(-TS * np.arange(n) / T)
+    asked = Scenario(name="decay", loop="position", Ts=TS, reference=np.full(n, 0.1), y=0.08)
+    found = measure(ACTUATOR, asked, trajectory_of(y, np.zeros(n)))
+    assert found.iae == pytest.approx(0.02 * (T + TS / 2), rel=1e-5)
+    assert found.ise == pytest.approx(0.02**2 * (T / 2 + TS / 2), rel=1e-5)
+
+
+def test_counts_of_pressure_command_and_stroke():
+    n = 1000
+    command = np.zeros(n)
+    command[100:300], command[300:400] = 1.0, -1.0
+    p_a = np.full(n, 1e7)
+    p_a[50:70], p_a[80] = -1e5, 4e7
+    y = np.full(n, 0.1)
+    y[500] = -0.003
+    asked = Scenario(name="counts", loop="position", Ts=TS, reference=np.full(n, 0.1), y=0.1)
+    found = measure(ACTUATOR, asked, trajectory_of(y, command, p_a=p_a))
+    assert found.total_variation == 4.0
+    assert found.saturation_time == pytest.approx(300 * TS, rel=1e-12)
+    assert found.cavitation_time == pytest.approx(20 * TS, rel=1e-12)
+    assert (found.peak_pressure, found.lowest_pressure) == (4e7, -1e5)
+    assert found.beyond_stroke == pytest.approx(0.003, rel=1e-12)
+    assert math.isnan(found.settling_time)
+
+
+def test_a_loop_that_does_not_settle_has_an_infinite_settling_time_and_fails():
+    n = 4000
+    y = 0.1 + 0.01 * (1.0 + 0.1 * np.sin(300 * TS * np.arange(n)))
+    y[0] = 0.1
+    asked = Scenario(name="hunting", loop="position", Ts=TS, reference=np.full(n, 0.11), y=0.1, kind="step", settle_by=0.2)
+    metrics = measure(ACTUATOR, asked, trajectory_of(y, np.zeros(n)))
+    assert metrics.settling_time == math.inf
+    assert metrics.oscillation == pytest.approx(0.2, rel=0.01)
+    run = SimpleNamespace(scenario=asked, variant="nominal", actuator=ACTUATOR, metrics=metrics, reason="")
+    failed = {v.name for v in judge(default_requirements(scale_of(ACTUATOR, "position"), "position"), [run]) if not v.passed}
+    assert failed == {"settling time", "lasting oscillation"}
+
+
+@pytest.mark.parametrize("loop", ["velocity", "position"])
+def test_library_has_three_positions_both_ways_saturation_and_reversal(loop):
+    asked = step_scenarios(ACTUATOR, loop)
+    kinds = [scenario.kind for scenario in asked]
+    assert [kinds.count(kind) for kind in ("step", "saturated", "reversal")] == [6, 2, 1]
+    assert len({scenario.name for scenario in asked}) == len(asked)
+    changes = [scenario.reference[-1] - scenario.reference[0] for scenario in asked if scenario.kind == "step"]
+    assert sorted(np.sign(changes)) == [-1, -1, -1, 1, 1, 1]
+    for scenario in asked:
+        travelled = np.cumsum(scenario.reference) * scenario.Ts if loop == "velocity" else scenario.reference - scenario.y
+        if scenario.kind != "saturated":
+            assert 0.0 < scenario.y + travelled.min() <= scenario.y + travelled.max() < ACTUATOR.stroke
+
+
+def test_time_constant_of_the_machine_comes_from_its_hydraulic_mode():
+    """At |x| = 1 the complex pair of the reference machine is -104 +- 541i at y = 0.1: 1/(2 * 104) s, slowest near the middle."""
+    scale = scale_of(ACTUATOR, "velocity")
+    assert 1 / (2 * 103.749) < scale.time_constant < 1.02 / (2 * 103.0)
+    assert scale.speed(1.0) == pytest.approx(0.151457632, rel=1e-8)
+
+
+def test_sound_loops_meet_every_requirement_on_the_nominal_machine_and_its_corners():
+    for loop in ("velocity", "position"):
+        gains = {
+            "kp": np.full((4, 3), 0.3 if loop == "velocity" else 280.0),
+            "ki": np.full((4, 3), 280.0 if loop == "velocity" else 5700.0),
+        }
+        given = schedule(loop, **gains, Tt=0.02 if loop == "velocity" else 0.05, zz=0.3, specification=SimpleNamespace(Mt=1.3))
+        report = validate(ACTUATOR, given, variants="corners")
+        assert report.passed, report.summary()
+        assert len(report.runs) == 81
+        assert len({run.variant for run in report.runs}) == 9
+
+
+@pytest.mark.parametrize(
+    ("changes", "failing"),
+    [
+        ({"Tt": np.inf}, {"settling time", "steady error"}),
+        ({"ki": np.full((4, 3), 1500.0)}, {"overshoot of a step", "overshoot after saturation"}),
+        ({"ki": np.full((4, 3), 4000.0)}, {"settling time", "lasting oscillation"}),
+        ({"ki": np.full((4, 3), 20.0)}, {"settling time"}),
+    ],
+    ids=["no anti-windup", "ringing", "unstable", "sluggish"],
+)
+def test_faulty_velocity_loops_fail_the_requirement_that_they_violate(changes, failing):
+    given = schedule(kp=np.full((4, 3), 0.3), zz=0.3, specification=SimpleNamespace(Mt=1.3), Tt=0.02)
+    report = validate(ACTUATOR, SimpleNamespace(**vars(given) | changes))
+    assert not report.passed
+    assert failing <= {verdict.name for verdict in report.verdicts if not verdict.passed}, report.summary()
+    assert "not met" in report.summary()
+
+
+def test_a_run_that_fails_is_a_verdict_with_its_reason():
+    away = Scenario(name="out of the stroke", loop="velocity", Ts=1e-3, reference=np.full(9000, 0.1), y=0.25)
+    good = Scenario(name="stay", loop="velocity", Ts=1e-3, reference=np.zeros(100), y=0.25)
+    report = validate(ACTUATOR, schedule(specification=SimpleNamespace(Mt=1.3)), scenarios=[good, away])
+    verdict = report.verdicts[0]
+    assert (verdict.name, verdict.passed, verdict.achieved, verdict.scenario) == ("simulations that failed", False, 1.0, away.name)
+    assert "stroke" in verdict.reason
+    assert report.metrics[("nominal", away.name)] is None
+    assert isinstance(report.metrics[("nominal", good.name)], Metrics)
+
+
+def test_unusable_requests_are_refused():
+    given = schedule(specification=SimpleNamespace(Mt=1.3))
+    with pytest.raises(InputError, match="variants 'corner' is unknown; did you mean 'corners'"):
+        validate(ACTUATOR, given, variants="corner")
+    with pytest.raises(InputError, match="scenarios is empty"):
+        validate(ACTUATOR, given, scenarios=[])
+    with pytest.raises(InputError, match="loop 'speed' is unknown"):
+        step_scenarios(ACTUATOR, "speed")
+    with pytest.raises(InputError, match="is for the position loop"):
+        validate(ACTUATOR, given, scenarios=step_scenarios(ACTUATOR, "position"))
