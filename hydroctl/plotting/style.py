@@ -1,0 +1,159 @@
+"""One look for all figures, and the parts that several share. Nothing here changes matplotlib's settings outside a drawing call.
+
+Colours: the palette of Okabe and Ito for separate things (they differ in line style too), viridis and cividis without their
+lightest end for a quantity. All stay apart in grey print and for colour-blind readers.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+
+import matplotlib
+import numpy as np
+from cycler import cycler
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import Colormap, ListedColormap, Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from ..errors import InputError
+from ..operating_point import OperatingPoints
+
+BLACK, ORANGE, SKY, GREEN, BLUE, VERMILLION, PURPLE, GREY = (
+    "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7", "#7F7F7F",
+)  # fmt: skip
+_CYCLE = cycler(color=[BLUE, VERMILLION, GREEN, ORANGE, PURPLE, SKY, BLACK]) + cycler(
+    linestyle=["-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)), "-"]
+)
+STYLE = {
+    "axes.axisbelow": True,
+    "axes.edgecolor": "#404040",
+    "axes.grid": True,
+    "axes.labelsize": 9,
+    "axes.prop_cycle": _CYCLE,
+    "axes.titlesize": 10,
+    "figure.titlesize": 11,
+    "figure.facecolor": "white",
+    "font.size": 9,
+    "grid.alpha": 1.0,
+    "grid.color": "#DDDDDD",
+    "grid.linewidth": 0.6,
+    "image.cmap": "cividis",
+    "legend.fontsize": 8,
+    "legend.framealpha": 0.9,
+    "lines.linewidth": 1.4,
+    "savefig.dpi": 144,
+    "savefig.facecolor": "white",
+    "svg.fonttype": "none",
+    "svg.hashsalt": "hydroctl",
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+}
+
+POSITION = "position y (m)"
+OPENING = "valve opening x (of full)"
+FREQUENCY = "frequency (Hz)"
+TIME = "time (s)"
+MANY = 300
+"""lines or marks beyond which a figure holds them as pixels, in SVG too"""
+
+
+def styled(draw: Callable) -> Callable:
+    """A drawing function that runs under `STYLE` and leaves matplotlib's settings as they were."""
+
+    @functools.wraps(draw)
+    def wrapper(*arguments, **keywords):
+        with matplotlib.rc_context(STYLE):
+            return draw(*arguments, **keywords)
+
+    return wrapper
+
+
+def one_axes(ax: Axes | None, size=(6.4, 4.4)) -> Axes:
+    """`ax`, or the axes of a new figure of `size` inches."""
+    return Figure(figsize=size, layout="constrained").subplots() if ax is None else ax
+
+
+def several_axes(ax, count: int, size, *, columns: int = 1, **keywords) -> np.ndarray:
+    """(count,) axes: those given, or those of a new figure of `size` inches. InputError for another number of axes."""
+    if ax is None:
+        figure = Figure(figsize=size, layout="constrained")
+        made = figure.subplots(-(-count // columns), columns, squeeze=False, **keywords).reshape(-1)
+        for unused in made[count:]:
+            figure.delaxes(unused)
+        return made[:count]
+    given = np.atleast_1d(np.asarray(ax, dtype=object)).reshape(-1)
+    if given.size != count:
+        raise InputError(f"this figure needs {count} axes, {given.size} were given; pass as many, or none for a new figure.")
+    return given
+
+
+def shades(name: str = "viridis") -> Colormap:
+    """A perceptually uniform map without its lightest part, which vanishes on white paper."""
+    return ListedColormap(matplotlib.colormaps[name](np.linspace(0.0, 0.88, 256)), name=f"{name} for lines")
+
+
+def coloured_lines(ax: Axes, x, curves, values, norm: Normalize) -> LineCollection:
+    """Curves (m, n) over x (n,) or (m, n), each in the shade of its value (m,), in one collection."""
+    x = np.broadcast_to(x, np.shape(curves))
+    lines = LineCollection(np.stack([x, curves], axis=-1), cmap=shades(), norm=norm, linewidths=0.8)
+    lines.set_array(np.asarray(values, dtype=float))
+    lines.set_rasterized(len(curves) > MANY)
+    ax.add_collection(lines)
+    ax.autoscale_view()
+    return lines
+
+
+def of_side(x: float) -> str:
+    """The line style that tells the two signs of x apart."""
+    return "--" if x < 0.0 else "-"
+
+
+def name_sides(ax: Axes, x) -> None:
+    """A legend for `of_side`, where both signs occur."""
+    if np.min(x) < 0.0 < np.max(x):
+        ax.legend(
+            handles=[
+                Line2D([], [], color=GREY, linestyle=of_side(sign), label=f"x {'<' if sign < 0 else '>'} 0") for sign in (-1, 1)
+            ]
+        )
+
+
+def norm_of(values) -> Normalize:
+    """From the least to the largest of the values, with some room where they are all equal."""
+    low, high = float(np.min(values)), float(np.max(values))
+    return Normalize(low, high) if high > low else Normalize(low - 0.5, high + 0.5)
+
+
+def key(mappable, axes, label: str) -> None:
+    """A colour bar beside all `axes` that says what the shades mean."""
+    axes = np.atleast_1d(axes)
+    axes[0].figure.colorbar(mappable, ax=list(axes), label=label, pad=0.02, aspect=30)
+
+
+def left_out(points: OperatingPoints) -> str:
+    """Empty, or how many points are not drawn and why the first is not."""
+    missing = ~points.feasible
+    if not missing.any():
+        return ""
+    return f"{missing.sum()} of {missing.size} points are not drawn; the first: {points.reason[missing][0]}"
+
+
+def require_some(points: OperatingPoints) -> np.ndarray:
+    """The mask of the points that can be drawn. InputError where there is none."""
+    if not points.feasible.any():
+        raise InputError(f"nothing to draw: {left_out(points)}")
+    return points.feasible
+
+
+def footnote(ax: Axes, text: str) -> None:
+    """A small line under the axis label of `ax`."""
+    if text:
+        ax.set_xlabel(f"{ax.get_xlabel()}\n{text}", wrap=True)
+
+
+def place(x: float, y: float) -> str:
+    """An operating point in words."""
+    return f"x = {x:.3g}, y = {y:.3g} m"
