@@ -38,6 +38,7 @@ _EXCEPTIONS = {
     ("volume-leakage", "offset"): tuple(product(("1", "x^2", "1/x"), _VOLUMES)),
 }
 BASES = tuple(_TERMS)
+_POWERS = {"1": 0.0, "x": 1.0, "x^2": 2.0, "1/x": -1.0}
 
 
 @dataclass(frozen=True)
@@ -64,9 +65,15 @@ class Basis:
         """(..., n): the terms of a coefficient at x and y (m), which broadcast. With terms in 1/x, x must not be 0."""
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
         pairs = self._pairs(coefficient)
-        of_x = {part: _of_x(part, x) for part in {pair[0] for pair in pairs}}
+        of_x = {part: x ** _POWERS[part] for part in {pair[0] for pair in pairs}}
         of_y = {part: self._of_y(part, y) for part in {pair[1] for pair in pairs}}
         return np.stack([of_x[first] * of_y[second] for first, second in pairs], axis=-1)
+
+    def separable_offset(self) -> list[int]:
+        """Which terms of the offset b x does not hold already. In a measured response the others cannot be told from b."""
+        held = {(_POWERS[of_x] + 1, of_y) for of_x, of_y in self._pairs("b")}
+        pairs = enumerate(self._pairs("offset"))
+        return [k for k, (of_x, of_y) in pairs if _POWERS[of_x] >= 0 and (_POWERS[of_x], of_y) not in held]
 
     def _of_y(self, part: str, y: np.ndarray) -> np.ndarray:
         if part == "Va0/Va":
@@ -74,7 +81,3 @@ class Basis:
         if part == "Vb0/Vb":
             return 1.0 / (1.0 - y * self.actuator.area_b / self.actuator.volume_b)
         return y ** {"1": 0, "y": 1, "y^2": 2}[part]
-
-
-def _of_x(part: str, x: np.ndarray) -> np.ndarray:
-    return x ** {"1": 0.0, "x": 1.0, "x^2": 2.0, "1/x": -1.0}[part]

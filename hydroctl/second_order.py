@@ -2,7 +2,7 @@
 
 Over a step of length h the state (v, v') moves by z -> P z + (I - P) (f/a2, 0) with P = exp(M h), M = [[0, 1], [-a2, -a1]]. With
 mu = -a1/2 and r = sqrt(mu^2 - a2) (imaginary below critical damping), P = e^(mu h) (cosh(r h) I + sinh(r h)/r (M - mu I)).
-All steps together are one lower triangular banded system, which LAPACK solves for any number of forcings at once.
+Any number of forcings run at once.
 """
 
 from __future__ import annotations
@@ -26,20 +26,6 @@ def transition(a1: np.ndarray, a2: np.ndarray, h: np.ndarray) -> np.ndarray:
 
 def respond(a1: np.ndarray, a2: np.ndarray, h: np.ndarray, forcing: np.ndarray, initial: np.ndarray) -> np.ndarray:
     """(n + 1, 2, m): v and v' at the ends of n steps for m forcings f (n, m), each constant within a step, from (2, m)."""
-    from scipy.linalg.lapack import dtbtrs
+    from .recursion import run
 
-    n, m = forcing.shape
-    scale = np.sqrt(np.mean(a2))
-    p = transition(a1, a2, h)
-    rest = forcing / a2[:, None]
-    p[:, 0, 1] *= scale
-    p[:, 1, 0] /= scale
-    bands = np.zeros((4, 2 * n + 2))
-    bands[0] = 1.0
-    bands[2, 0:-2:2], bands[3, 0:-2:2] = -p[:, 0, 0], -p[:, 1, 0]
-    bands[1, 1:-2:2], bands[2, 1:-2:2] = -p[:, 0, 1], -p[:, 1, 1]
-    right = np.empty((2 * n + 2, m))
-    right[0], right[1] = initial[0], initial[1] / scale
-    right[2::2], right[3::2] = (1.0 - p[:, 0, 0])[:, None] * rest, -p[:, 1, 0, None] * rest
-    states, _ = dtbtrs(bands, right, uplo="L", diag="U")
-    return states.reshape(n + 1, 2, m) * np.array([1.0, scale])[:, None]
+    return run(transition(a1, a2, h), forcing / a2[:, None], np.ascontiguousarray(initial, dtype=float))

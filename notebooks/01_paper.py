@@ -76,29 +76,30 @@ for machine in (paper.actuator(), reference):
 
 
 # %%
-def piecewise(rates, state, levels, t):
-    """Integrates rates(level)(t, z) from each step of the input to the next; all states over t."""
-    per_level, parts = (len(t) - 1) // len(levels), [np.array(state)[:, None]]
-    for k, level in enumerate(levels):
-        times = t[k * per_level : (k + 1) * per_level + 1]
-        answer = solve_ivp(
-            rates(level), times[[0, -1]], parts[-1][:, -1], method="LSODA", t_eval=times, rtol=1e-9, atol=[1e-2, 1e-2, 1e-10, 1e-10]
-        )
-        parts.append(answer.y[:, 1:])
-    return np.hstack(parts)
-
-
 parameters = plant.parameters(reference)
 
 
+def by_levels(rates, t, levels, state):
+    """v for the openings `levels`, each for an equal part of t; rates(level)(t, z) is integrated anew from each on."""
+    state, out = np.array(state), [state[2]]
+    for times, level in zip(np.split(t[:-1], len(levels)), levels, strict=True):
+        ends = np.append(times, 2.0 * times[-1] - times[-2])
+        answer = solve_ivp(rates(level), ends[[0, -1]], state, method="LSODA", t_eval=ends, rtol=1e-8, atol=[0.1, 0.1, 1e-9, 1e-9])
+        state = answer.y[:, -1]
+        out.extend(answer.y[2, 1:])
+    return np.array(out)
+
+
 def nonlinear(level):
+    """The plant itself."""
     return lambda _, z: [*map(float, plant.rates(*z, level, 0.0, parameters)), z[2]]
 
 
 def third_order(level):
+    """The secant model of third order, with the volumes at the present position."""
     at = hc.find_operating_points(reference, level, 0.25)
     rest = np.array([at.p_a, at.p_b, at.v])
-    return lambda _, z: [*(plant.jacobian(*rest[:2], z[3], level, parameters)[0] @ (z[:3] - rest)), z[2]]
+    return lambda _, z: [*(plant.jacobian(*rest, z[3], level, parameters)[0] @ (z[:3] - rest)), z[2]]
 
 
 def nrmse(v, exact):
@@ -120,9 +121,9 @@ t, speeds, errors = np.arange(5001) * 1e-3, {}, {}
 for name, (levels, y0) in staircases.items():
     x = np.append(np.repeat(levels, 500), levels[-1])
     start = [float(at_zero.p_a), float(at_zero.p_b), 0.0, y0]
-    exact = piecewise(nonlinear, start, levels, t)[2]
+    exact = by_levels(nonlinear, t, levels, start)
     speeds[name] = {label: model.simulate(t, x, y0).v for label, model in models.items()}
-    speeds[name]["third order, secant"] = piecewise(third_order, start, levels, t)[2]
+    speeds[name]["third order, secant"] = by_levels(third_order, t, levels, start)
     errors[name] = {label: nrmse(v, exact) for label, v in speeds[name].items()}
     speeds[name] = {"x": x, "nonlinear plant": exact} | speeds[name]
 
@@ -150,19 +151,7 @@ below.legend()
 # methods of `reduce_order` stand balanced truncation (on scaled states) and `control.minreal`.
 
 # %%
-fast = hc.Actuator(
-    name="fast machine",
-    area_a=19.64e-4,
-    area_b=13.48e-4,
-    stroke=0.5,
-    volume_a=0.1e-3,
-    volume_b=0.1e-3 + 13.48e-4 * 0.5,
-    bulk_modulus=1.2e9,
-    flow_coefficient=40.0 / 60e3 / np.sqrt(35e5),
-    supply_pressure=160e5,
-    mass=100.0,
-    viscous_friction=2000.0,
-)
+fast = hc.load_actuator("fast_50_28")
 openings = np.array([0.05, 0.1, 0.2, 0.5, 1.0])
 signed = np.concatenate([-openings, openings])
 family = hc.linearize(fast, hc.find_operating_points(fast, signed[:, None], np.linspace(0.02, 0.48, 24)))
@@ -182,8 +171,8 @@ def balanced_truncation(A, B, C):
 def worst_error(index):
     """Largest relative error of balanced truncation up to three natural frequencies."""
     A, B, C = balanced_truncation(family.A[index], family.B[index], family.C)
-    omega = np.linspace(0.0, matched.band[index], 2000)[1:]
-    response = np.array([(C @ np.linalg.solve(1j * w * np.eye(2) - A, B))[0, 0] for w in omega])
+    omega = np.linspace(0.0, matched.band[index], 1001)[1:]
+    response = (C @ np.linalg.solve(1j * omega[:, None, None] * np.eye(2) - A, B))[:, 0, 0]
     return np.max(np.abs(response / family[index].transfer_function()(1j * omega) - 1.0))
 
 
@@ -191,8 +180,7 @@ matched, fitted = hc.reduce_order(family), hc.reduce_order(family, method="least
 print(f"{'|x|':>5} {'cancelled':>10} {'least squares':>14} {'balanced':>9}   worst over y and both signs, per cent")
 for opening in openings:
     rows = np.abs(signed) == opening
-    i, j = np.argwhere(rows)[:, 0], (0, -1)
-    balanced = max(worst_error((row, column)) for row in i for column in j)
+    balanced = max(worst_error((row, column)) for row in np.flatnonzero(rows) for column in (0, -1))
     figures = (matched.error[rows].max(), fitted.error[rows].max(), balanced)
     print(f"{opening:5.2f} {100 * figures[0]:10.2f} {100 * figures[1]:14.2f} {100 * figures[2]:9.2f}")
 accepted = np.abs(matched.points.x[matched.accepted]).max()

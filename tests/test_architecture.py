@@ -12,8 +12,8 @@ import hydroctl
 PACKAGE = Path(hydroctl.__file__).parent
 LAYERS = (
     ("errors",),
-    ("units", "polynomials", "files", "second_order", "region"),
-    ("actuator",),
+    ("units", "polynomials", "files", "recursion", "region"),
+    ("actuator", "second_order"),
     ("datasheet", "plant", "bases"),
     ("equilibrium",),
     ("operating_point",),

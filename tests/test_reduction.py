@@ -12,18 +12,7 @@ METHODS = ("matched", "least-squares", "paper")
 
 def fast_machine() -> hc.Actuator:
     """A small cylinder on a large valve, whose slow pole is not slow: the reduction fails at large openings."""
-    return hc.Actuator(
-        area_a=19.64e-4,
-        area_b=13.48e-4,
-        stroke=0.5,
-        volume_a=0.1e-3,
-        volume_b=0.1e-3 + 13.48e-4 * 0.5,
-        bulk_modulus=1.2e9,
-        flow_coefficient=40.0 / 60e3 / np.sqrt(35e5),
-        supply_pressure=160e5,
-        mass=100.0,
-        viscous_friction=2000.0,
-    )
+    return hc.load_actuator("fast_50_28")
 
 
 def family(actuator, *, form="tangent", openings=(0.05, 0.2, 0.5, 1.0), y=(0.02, 0.1, 0.25, 0.4, 0.48)):
