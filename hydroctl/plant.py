@@ -114,10 +114,12 @@ def friction_force(v, p: Parameters):
     Viscous friction B, Coulomb friction F_c, and breakaway friction F_s that falls half way to F_c at the Stribeck speed v_s
     (the Lorentzian form, e.g. Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994) 1083). The last factor makes
     the sign of v smooth: a piston held by dry friction under a force F < F_s creeps at about v_c F/sqrt(F_s^2 - F^2), that is
-    0.58 v_c at half of F_s. The largest dry force stays below F_s by about v_c/v_s of it.
+    0.58 v_c at half of F_s. The largest dry force stays below F_s by up to 1.4 v_c/v_s of it. Both quotients stand over one
+    denominator, because divisions and roots bound the speed of a simulation.
     """
-    dry = p.coulomb_friction + (p.breakaway_friction - p.coulomb_friction) / (1.0 + (v / p.stribeck_speed) ** 2)
-    return p.viscous_friction * v + dry * v / np.sqrt(v * v + p.creep_speed**2)
+    square, knee = v * v, p.stribeck_speed**2
+    dry = p.coulomb_friction * (knee + square) + (p.breakaway_friction - p.coulomb_friction) * knee
+    return p.viscous_friction * v + dry * v / ((knee + square) * np.sqrt(square + p.creep_speed**2))
 
 
 def friction_slope(v, p: Parameters):
