@@ -57,7 +57,8 @@ _UNIT_OF = {"diameter": "m", "volume": "m^3", "flow": "m^3/s", "pressure": "Pa"}
 _MAKERS = {key: next(unit for word, unit in _UNIT_OF.items() if word in key) for way in _WAYS for key in way.makers}
 _UNITS = {name: spec.metadata["unit"] for name, spec in PARAMETERS.items()} | _MAKERS
 _TEXTS = ("name", "source", "note")
-_LARGEST_FILE = 1_000_000
+_LARGEST_FILE = 100_000
+_MOST_UNKNOWN_KEYS = 20
 
 
 def list_actuators() -> list[str]:
@@ -78,12 +79,13 @@ def load_actuator(name_or_path: str | Path) -> Actuator:
         return _actuator(given, (_shipped() / f"{given}.toml").read_bytes(), given)
     path = Path(name_or_path)
     try:
-        if path.is_file() and path.stat().st_size > _LARGEST_FILE:
-            raise InputError(f"{path}: more than {_LARGEST_FILE // 1000} kB is no data sheet; name the right file.")
-        data = path.read_bytes()
+        with path.open("rb") as file:
+            data = file.read(_LARGEST_FILE + 1)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise InputError(f"{path}: cannot be read ({reason}); name an existing TOML data sheet.") from None
+    if len(data) > _LARGEST_FILE:
+        raise InputError(f"{path}: more than {_LARGEST_FILE // 1000} kB is no data sheet; name the right file.")
     return _actuator(path.stem, data, str(path))
 
 
@@ -111,7 +113,12 @@ def _actuator(default_name: str, data: bytes, where: str) -> Actuator:
 
 def _fields(table: dict) -> dict:
     """The arguments of `Actuator` from a parsed data sheet; raises InputError with every fault that can be told."""
-    faults = [unknown_name("key", key, [*_UNITS, *_TEXTS]) for key in table if key not in _UNITS and key not in _TEXTS]
+    unknown = [key for key in table if key not in _UNITS and key not in _TEXTS]
+    if len(unknown) > _MOST_UNKNOWN_KEYS:
+        raise InputError(
+            f"{len(unknown)} keys are unknown, {unknown[0][:60]!r} the first; this is no data sheet, name the right file."
+        )
+    faults = [unknown_name("key", key, [*_UNITS, *_TEXTS]) for key in unknown]
     values = {}
     for key in (key for key in table if key in _UNITS):
         try:

@@ -108,20 +108,25 @@ def _viscous(circuit: _Circuit, load):
 
 def _newton(circuit: _Circuit, load, w, q, friction):
     """(w, q) from a start, with `friction(w)` the friction force and its slope."""
+    area_d, area_r, leakage = circuit.area_d, circuit.area_r, circuit.leakage
+    per_flow_d, per_flow_r = 2.0 / circuit.valve_d, 2.0 / circuit.valve_r
+    per_speed_d, per_speed_r = area_d * per_flow_d, area_r * per_flow_r
     for _ in range(_NEWTON_STEPS):
         p_d, p_r, u_d, u_r = circuit.pressures(w, q)
         resistance, slope = friction(w)
-        force = circuit.area_d * p_d - circuit.area_r * p_r - resistance - load
-        leak = circuit.leakage * (p_d - p_r) - q
-        slope_d, slope_r = 2.0 * u_d / circuit.valve_d, 2.0 * u_r / circuit.valve_r
-        force_w = -(slope_d * circuit.area_d**2 + slope_r * circuit.area_r**2 + slope)
-        force_q = -(slope_d * circuit.area_d + slope_r * circuit.area_r)
-        leak_q = -(circuit.leakage * (slope_d + slope_r) + 1.0)
-        determinant = force_w * leak_q - circuit.leakage * force_q**2
+        force = area_d * p_d - area_r * p_r - resistance - load
+        leak = leakage * (p_d - p_r) - q
+        fall_d, fall_r = u_d * per_speed_d, u_r * per_speed_r
+        force_w = fall_d * area_d + fall_r * area_r + slope
+        force_q = fall_d + fall_r
+        leak_q = leakage * (u_d * per_flow_d + u_r * per_flow_r) + 1.0
+        leak_w = leakage * force_q
+        determinant = force_w * leak_q - leak_w * force_q
         step_w = (leak_q * force - force_q * leak) / determinant
-        step_q = (force_w * leak - circuit.leakage * force_q * force) / determinant
-        w, q = w - step_w, q - step_q
-        if np.all(np.abs(step_w) * circuit.area_d + np.abs(step_q) <= 1e-14 * (np.abs(circuit.area_d * w) + np.abs(q))):
+        step_q = (force_w * leak - leak_w * force) / determinant
+        w, q = w + step_w, q + step_q
+        # convergence is quadratic: after steps this small the next would be below rounding
+        if np.all(np.abs(step_w) * area_d + np.abs(step_q) <= 1e-9 * (np.abs(area_d * w) + np.abs(q))):
             break
     return w, q
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+_LONGEST_NAME = 60
+
 
 class HydroctlError(Exception):
     """Base of every error that hydroctl raises on purpose."""
@@ -31,8 +33,9 @@ class SimulationError(HydroctlError, ArithmeticError):
 
 
 def unknown_name(kind: str, name: object, known: Iterable[str]) -> str:
-    """One sentence for a name that is not in `known`, with the nearest known name first."""
-    names = sorted(known)
-    near = get_close_matches(str(name), names, n=1)
+    """One sentence for a name that is not in `known`, with the nearest known name first; a long name is cut."""
+    text, names = str(name), sorted(known)
+    shown = text if len(text) <= _LONGEST_NAME else text[:_LONGEST_NAME] + "..."
+    near = get_close_matches(shown, names, n=1)
     hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(names)}."
-    return f"{kind} {name!r} is unknown; {hint}"
+    return f"{kind} {shown!r} is unknown; {hint}"

@@ -77,11 +77,7 @@ class LinearFamily:
 
     @cached_property
     def _poles(self) -> np.ndarray:
-        roots = cubic_roots(self.denominator[..., 1:])
-        distance = np.where(np.abs(roots.imag) == 0.0, np.abs(roots - self.zeros()), np.inf)
-        nearest = np.argmin(distance, axis=-1)[..., None]
-        order = (nearest + np.arange(3)) % 3
-        return np.take_along_axis(roots, order, axis=-1)
+        return cubic_roots(self.denominator[..., 1:], self.zeros()[..., 0])
 
     def zeros(self) -> np.ndarray:
         """(..., 1) rad/s: the zero of v/x(s)."""
@@ -139,33 +135,50 @@ def linearize(actuator: Actuator, points: OperatingPoints, *, form: Literal["tan
         raise InputError("points were found for another actuator; call find_operating_points with this one.")
     p = plant.parameters(actuator)
     with np.errstate(divide="ignore", invalid="ignore"):
-        opening = plant.effective_opening(points.x, p)
-        A, B = plant.jacobian(points.p_a, points.p_b, points.v, points.y, opening, p)
+        p_a, p_b, v, y, x = (_compact(values) for values in (points.p_a, points.p_b, points.v, points.y, points.x))
+        opening = plant.effective_opening(x, p)
+        A, B = plant.jacobian(p_a, p_b, v, y, opening, p)
         if form == "secant":
-            drop_a, drop_b = plant.pressure_gains(points.p_a, points.p_b, opening, p)
-            stiff_a, stiff_b = plant.stiffnesses(points.y, p)
-            B[..., 0, 0] += stiff_a * drop_a * points.p_a / opening
-            B[..., 1, 0] += stiff_b * drop_b * points.p_b / opening
+            drop_a, drop_b = plant.pressure_gains(p_a, p_b, opening, p)
+            stiff_a, stiff_b = plant.stiffnesses(y, p)
+            B[..., 0, 0] += stiff_a * (drop_a * p_a / opening)
+            B[..., 1, 0] += stiff_b * (drop_b * p_b / opening)
         if p.dead_band > 0.0:
-            B *= (plant.opening_slope(points.x, p) if form == "tangent" else opening / points.x)[..., None, None]
-    A[~points.feasible], B[~points.feasible] = np.nan, np.nan
+            B *= (plant.opening_slope(x, p) if form == "tangent" else opening / x)[..., None, None]
+    if not points.feasible.all():
+        A[~points.feasible], B[~points.feasible] = np.nan, np.nan
     return LinearFamily(points, form, A, B)
+
+
+def _compact(values: np.ndarray) -> np.ndarray:
+    """The same values with length 1 along every axis on which they are broadcast."""
+    return values[tuple(slice(0, 1) if stride == 0 else slice(None) for stride in values.strides)]
 
 
 def _numerator(A: np.ndarray, B: np.ndarray) -> np.ndarray:
     a, (b_a, b_b) = _entries(A), np.moveaxis(B[..., :2, 0], -1, 0)
-    n1 = a[2, 0] * b_a + a[2, 1] * b_b
-    n0 = a[2, 0] * (a[0, 1] * b_b - a[1, 1] * b_a) + a[2, 1] * (a[1, 0] * b_a - a[0, 0] * b_b)
-    return np.stack([n1, n0], axis=-1)
+    coefficients = np.empty((2, *b_a.shape))
+    np.add(a[2, 0] * b_a, a[2, 1] * b_b, out=coefficients[0, ...])
+    np.add(
+        a[2, 0] * (a[0, 1] * b_b - a[1, 1] * b_a),
+        a[2, 1] * (a[1, 0] * b_a - a[0, 0] * b_b),
+        out=coefficients[1, ...],
+    )
+    return np.moveaxis(coefficients, 0, -1)
 
 
 def _denominator(A: np.ndarray) -> np.ndarray:
     a = _entries(A)
     minor_a, minor_b = a[1, 1] * a[2, 2] - a[1, 2] * a[2, 1], a[0, 0] * a[2, 2] - a[0, 2] * a[2, 0]
     minor_v = a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0]
-    d0 = a[0, 1] * (a[1, 0] * a[2, 2] - a[1, 2] * a[2, 0]) - a[0, 2] * (a[1, 0] * a[2, 1] - a[1, 1] * a[2, 0]) - a[0, 0] * minor_a
-    d2 = -(a[0, 0] + a[1, 1] + a[2, 2])
-    return np.stack([np.ones_like(d2), d2, minor_a + minor_b + minor_v, d0], axis=-1)
+    coefficients = np.empty((4, *minor_v.shape))
+    coefficients[0] = 1.0
+    coefficients[1] = -(a[0, 0] + a[1, 1] + a[2, 2])
+    coefficients[2] = minor_a + minor_b + minor_v
+    coefficients[3] = (
+        a[0, 1] * (a[1, 0] * a[2, 2] - a[1, 2] * a[2, 0]) - a[0, 2] * (a[1, 0] * a[2, 1] - a[1, 1] * a[2, 0]) - a[0, 0] * minor_a
+    )
+    return np.moveaxis(coefficients, 0, -1)
 
 
 def _entries(A: np.ndarray) -> np.ndarray:

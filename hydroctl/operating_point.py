@@ -151,30 +151,35 @@ def _residual(p: plant.Parameters, opening, p_a, p_b, v, load) -> np.ndarray:
     balances = (
         (gain_a * opening, -p.area_a * v, -leak),
         (gain_b * opening, p.area_b * v, leak),
-        (p.area_a * p_a, -p.area_b * p_b, -plant.friction_force(v, p), -load),
+        (p.area_a * p_a - load, -p.area_b * p_b, -plant.friction_force(v, p)),
     )
     worst = 0.0
-    for terms in balances:
-        largest = np.max(np.abs(np.broadcast_arrays(*terms)), axis=0)
-        worst = np.maximum(worst, np.abs(sum(terms)) / np.where(largest == 0.0, 1.0, largest))
+    for one, two, three in balances:
+        largest = np.maximum(np.maximum(np.abs(one), np.abs(two)), np.abs(three))
+        worst = np.maximum(worst, np.abs(one + two + three) / np.where(largest == 0.0, 1.0, largest))
     return worst
 
 
 def _faults(actuator: Actuator, x, y, load, p_a, p_b, v, residual) -> np.ndarray:
-    """Index into the reasons for every point; the first that holds."""
+    """Index into the reasons for every point; the first that holds. All but the stroke is told along x and load alone."""
     slack = 1e-9 * actuator.supply_pressure
-    left = _force_left(actuator, x, load)
     stall = stall_force(actuator, x)
     conditions = {
-        _OPENING: np.abs(x) > 1.0,
-        _STROKE: (y < 0.0) | (y > actuator.stroke),
-        _OVERLAP: (np.abs(x) <= actuator.dead_band) & (actuator.dead_band > 0.0),
         _CLOSED: x == 0.0,
         _STALLED: np.where(np.signbit(x), load <= stall, load >= stall),
-        _STUCK: (np.abs(left) <= actuator.breakaway_friction) & (actuator.breakaway_friction > 0.0),
         _CAVITATION: np.minimum(p_a, p_b) < actuator.tank_pressure - slack,
         _ABOVE_SUPPLY: np.maximum(p_a, p_b) > actuator.supply_pressure + slack,
-        _CREEPING: (np.abs(v) < 2.0 * actuator.creep_speed) & (actuator.breakaway_friction > 0.0),
         _NOT_CONVERGED: ~(residual <= _RESIDUAL_LIMIT),
     }
-    return np.select(np.broadcast_arrays(*conditions.values()), list(conditions), default=0)
+    if actuator.breakaway_friction > 0.0:
+        conditions[_STUCK] = np.abs(_force_left(actuator, x, load)) <= actuator.breakaway_friction
+        conditions[_CREEPING] = np.abs(v) < 2.0 * actuator.creep_speed
+    if actuator.dead_band > 0.0:
+        conditions[_OVERLAP] = np.abs(x) <= actuator.dead_band
+    fault = np.zeros(np.shape(residual), dtype=int)
+    for kind in sorted(conditions, reverse=True):
+        fault = np.where(conditions[kind], kind, fault)
+    outside = (y < 0.0) | (y > actuator.stroke)
+    if outside.any():
+        fault = np.where(outside, _STROKE, fault)
+    return np.where(np.abs(x) > 1.0, _OPENING, fault)

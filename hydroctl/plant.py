@@ -114,10 +114,12 @@ def friction_force(v, p: Parameters):
     Viscous friction B, Coulomb friction F_c, and breakaway friction F_s that falls half way to F_c at the Stribeck speed v_s
     (the Lorentzian form, e.g. Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994) 1083). The last factor makes
     the sign of v smooth: a piston held by dry friction under a force F < F_s creeps at about v_c F/sqrt(F_s^2 - F^2), that is
-    0.58 v_c at half of F_s. The largest dry force stays below F_s by about v_c/v_s of it.
+    0.58 v_c at half of F_s. The largest dry force stays below F_s by up to 1.4 v_c/v_s of it. Both quotients stand over one
+    denominator, because divisions and roots bound the speed of a simulation.
     """
-    dry = p.coulomb_friction + (p.breakaway_friction - p.coulomb_friction) / (1.0 + (v / p.stribeck_speed) ** 2)
-    return p.viscous_friction * v + dry * v / np.sqrt(v * v + p.creep_speed**2)
+    square, knee = v * v, p.stribeck_speed**2
+    dry = p.coulomb_friction * (knee + square) + (p.breakaway_friction - p.coulomb_friction) * knee
+    return p.viscous_friction * v + dry * v / ((knee + square) * np.sqrt(square + p.creep_speed**2))
 
 
 def friction_slope(v, p: Parameters):
@@ -178,26 +180,29 @@ def rates(p_a, p_b, v, y, x, load_force, p: Parameters):
 
 
 def jacobian(p_a, p_b, v, y, x, p: Parameters):
-    """(A, b): A (..., 3, 3) = d(rates)/d(p_a, p_b, v) and b (..., 3, 1) = d(rates)/dx, exact, at frozen y clear of the stops."""
+    """(A, b): A (..., 3, 3) = d(rates)/d(p_a, p_b, v) and b (..., 3, 1) = d(rates)/dx, exact, at frozen y clear of the stops.
+
+    Every entry lies contiguous in memory over the grid; arguments that are constant along an axis cost no more for its length.
+    """
     gain_a, gain_b = flow_gains(p_a, p_b, x, p)
     drop_a, drop_b = pressure_gains(p_a, p_b, x, p)
     stiff_a, stiff_b = stiffnesses(y, p)
     slope = friction_slope(v, p)
-    shape = np.broadcast_shapes(np.shape(gain_a * stiff_a), np.shape(gain_b * stiff_b), np.shape(slope))
-    a = np.empty((*shape, 3, 3))
-    a[..., 0, 0] = -stiff_a * (drop_a + p.leakage)
-    a[..., 0, 1] = stiff_a * p.leakage
-    a[..., 0, 2] = -stiff_a * p.area_a
-    a[..., 1, 0] = stiff_b * p.leakage
-    a[..., 1, 1] = -stiff_b * (drop_b + p.leakage)
-    a[..., 1, 2] = stiff_b * p.area_b
-    a[..., 2, 0] = p.area_a / p.mass
-    a[..., 2, 1] = -p.area_b / p.mass
-    a[..., 2, 2] = -slope / p.mass
-    b = np.zeros((*shape, 3, 1))
-    b[..., 0, 0] = stiff_a * gain_a
-    b[..., 1, 0] = stiff_b * gain_b
-    return a, b
+    shape = np.broadcast_shapes(*(np.shape(value) for value in (gain_a, gain_b, drop_a, drop_b, stiff_a, stiff_b, slope)))
+    a = np.empty((3, 3, *shape))
+    np.multiply(-stiff_a, drop_a + p.leakage, out=a[0, 0, ...])
+    a[0, 1] = stiff_a * p.leakage
+    a[0, 2] = -stiff_a * p.area_a
+    a[1, 0] = stiff_b * p.leakage
+    np.multiply(-stiff_b, drop_b + p.leakage, out=a[1, 1, ...])
+    a[1, 2] = stiff_b * p.area_b
+    a[2, 0] = p.area_a / p.mass
+    a[2, 1] = -p.area_b / p.mass
+    a[2, 2] = -slope / p.mass
+    b = np.zeros((3, 1, *shape))
+    np.multiply(stiff_a, gain_a, out=b[0, 0, ...])
+    np.multiply(stiff_b, gain_b, out=b[1, 0, ...])
+    return np.moveaxis(a, (0, 1), (-2, -1)), np.moveaxis(b, (0, 1), (-2, -1))
 
 
 def as_nonlinear_system(actuator: Actuator, *, pressure_unit: float = 1e5) -> control.NonlinearIOSystem:

@@ -102,3 +102,17 @@ def machines(draw) -> Actuator:
         viscous_friction=draw(st.sampled_from([0.0, 1.0])) * between(10.0, 1e5),
         load_force=draw(st.floats(-0.2, 0.2)) * area_b * supply,
     )
+
+
+@st.composite
+def dry_machines(draw) -> Actuator:
+    """`machines` with dry friction up to a tenth of the force of the rod side, and overlap."""
+    machine = draw(machines())
+    coulomb = draw(st.floats(1e-4, 0.05)) * machine.area_b * machine.supply_pressure
+    return machine.replace(
+        coulomb_friction=coulomb,
+        breakaway_friction=coulomb * draw(st.floats(1.0, 2.0)),
+        stribeck_speed=draw(st.floats(2e-3, 5e-2)),
+        creep_speed=draw(st.floats(1e-5, 1e-3)),
+        dead_band=draw(st.sampled_from([0.0, 0.05])),
+    )

@@ -109,7 +109,7 @@ def test_the_tangent_gain_is_the_slope_of_speed_over_opening(actuator):
 
 def test_both_forms_have_the_same_poles():
     tangent, secant = (_family(REFERENCE, form).poles() for form in ("tangent", "secant"))
-    np.testing.assert_array_equal(np.sort_complex(tangent), np.sort_complex(secant))
+    np.testing.assert_allclose(np.sort_complex(tangent), np.sort_complex(secant), rtol=1e-14)  # the search starts at the zero
 
 
 def test_all_poles_are_stable_and_one_pair_is_lightly_damped():
@@ -147,13 +147,45 @@ def test_bad_input_names_the_way_out():
         hc.linearize(DIFFERENTIAL, points)
 
 
-@pytest.mark.parametrize(
-    "roots",
-    [(-1.0, -2.0, -3.0), (-0.6, -100 + 540j, -100 - 540j), (-5.0, -5.0, -5.0), (-1.0, -1.0, -4.0), (-1e-6, -300 + 1j, -300 - 1j)],
-)
-def test_cubic_roots_rebuild_the_polynomial(roots):
+ROOTS = [
+    (-1.0, -2.0, -3.0),
+    (-0.6, -100 + 540j, -100 - 540j),
+    (-5.0, -5.0, -5.0),
+    (-1.0, -1.0, -4.0),
+    (-1e-6, -300 + 1j, -300 - 1j),
+    (0.0, -1.0 + 2j, -1.0 - 2j),
+    (3.0, -2.0, 1e4),
+]
+
+
+@pytest.mark.parametrize("near", [-0.59, 0.0, 1e7, -1.5])
+@pytest.mark.parametrize("roots", ROOTS)
+def test_cubic_roots_rebuild_the_polynomial_with_the_real_root_nearest_to_the_hint_first(roots, near):
     coefficients = np.poly(roots).real[1:]
-    found = cubic_roots(coefficients)
-    assert found[0].imag == 0.0
+    found = cubic_roots(coefficients, near)
     scale = np.abs(np.poly(-np.abs(roots))[1:])
     assert (np.abs(np.poly(found)[1:] - coefficients) <= 1e-13 * scale).all()
+    assert found[0].imag == 0.0
+    real = [root for root in roots if np.imag(root) == 0.0]
+    separation = min(abs(a - b) for a in roots for b in roots if a != b) if len(set(roots)) > 1 else 0.0
+    distance = abs(found[0] - min(real, key=lambda root: abs(root - near)))
+    assert distance <= max(1e-9 * abs(found[0]), 1e-4 * (len(set(roots)) < 3)) or abs(abs(near - found[0]) - distance) > separation
+
+
+def test_cubic_roots_of_many_are_those_of_each_and_not_a_number_stays_so():
+    rng = np.random.default_rng(5)
+    roots = np.stack(
+        [-rng.uniform(0.01, 900, 400), *(-rng.uniform(1, 400, 400) + s * 1j * rng.uniform(1, 600, 400) for s in (1, -1))], -1
+    )
+    roots[:, 2] = np.conj(roots[:, 1])
+    roots[::7] = -rng.uniform(0.1, 500, (58, 3))
+    coefficients = np.array([np.poly(row).real[1:] for row in roots])
+    coefficients[3] = np.nan
+    near = roots[:, 0].real * rng.uniform(0.9, 1.1, 400)
+    together = cubic_roots(coefficients.reshape(20, 20, 3), near.reshape(20, 20)).reshape(400, 3)
+    assert np.isnan(together[3]).all()
+    for k in set(range(400)) - {3}:
+        np.testing.assert_allclose(
+            together[k], cubic_roots(coefficients[k], near[k]), rtol=1e-11
+        )  # close real roots magnify rounding
+        np.testing.assert_allclose(np.sort_complex(together[k]), np.sort_complex(np.roots([1, *coefficients[k]])), rtol=1e-7)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from machines import DIFFERENTIAL, LOSSLESS, REFERENCE, balances, imbalance, machines, mirrored, paper_closed_form
+from machines import DIFFERENTIAL, LOSSLESS, REFERENCE, balances, dry_machines, imbalance, machines, mirrored, paper_closed_form
 
 import hydroctl as hc
 from hydroctl import plant
@@ -265,3 +265,23 @@ def test_random_machines_rest_at_their_points_and_mirror(machine, x, side, share
         assert np.isfinite(family.A).all()
         assert np.isfinite(family.numerator).all()
         assert (family.poles().real <= 1e-12 * np.abs(family.poles())).all()
+
+
+@settings(max_examples=40, deadline=None)
+@given(machine=dry_machines(), x=st.floats(0.01, 1.0), side=st.sampled_from([-1.0, 1.0]))
+def test_random_machines_with_dry_friction_rest_at_their_points_and_mirror(machine, x, side):
+    x, y = side * x, 0.3 * machine.stroke
+    points, other = hc.find_operating_points(machine, [x], y), hc.find_operating_points(mirrored(machine), [-x], machine.stroke - y)
+    p_a, p_b, v = points.p_a[0], points.p_b[0], points.v[0]
+    assert points.feasible[0] == other.feasible[0]
+    assert points.feasible[0] or points.reason[0]
+    if points.feasible[0]:
+        p = plant.parameters(machine)
+        rates = plant.rates(p_a, p_b, v, y, plant.effective_opening(x, p), machine.load_force, p)
+        flow, force = max(p.area_a, p.area_b) * abs(v) + p.leakage * p.supply_pressure, p.area_a * p.supply_pressure
+        stiff_a, stiff_b = plant.stiffnesses(y, p)
+        assert abs(rates[0]) <= 1e-11 * stiff_a * flow
+        assert abs(rates[1]) <= 1e-11 * stiff_b * flow
+        assert abs(rates[2]) <= 1e-12 * force / p.mass
+        np.testing.assert_allclose([other.p_b[0], other.p_a[0], -other.v[0]], [p_a, p_b, v], rtol=1e-8)
+        assert np.isfinite(hc.linearize(machine, points).A).all()
