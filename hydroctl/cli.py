@@ -45,11 +45,11 @@ def design(
     as_json: JsonOption = False,
 ) -> None:
     """Design a gain schedule, prove its margins, try it on the nonlinear plant, and write schedule, figures and summary."""
-    from .files import make_directory
+    from .files import require_writable
 
     specification = hydroctl.Specification(sample_time=sample_time, delay_samples=delay, Ms=Ms, Mt=Mt, uncertainty=uncertainty)
     machine = hydroctl.load_actuator(actuator)
-    make_directory(directory)
+    require_writable(directory)
     result = hydroctl.design(machine, loop=loop.value, structure=structure, specification=specification)
     result.save(directory)
     typer.echo(json.dumps(result.to_dict(), indent=1) if as_json else f"{result.summary()}\n\nwritten to {directory}/")

@@ -9,16 +9,29 @@ from pathlib import Path
 from .errors import InputError
 
 
-def make_directory(path: str | Path) -> Path:
-    """The directory `path`, made if it is not there and proven writable; otherwise InputError."""
-    path = Path(path)
+def require_writable(directory: str | Path) -> None:
+    """InputError unless `directory` can be written, or be made where it is not there. Leaves nothing behind."""
+    nearest = Path(directory)
+    while not nearest.exists() and nearest != nearest.parent:
+        nearest = nearest.parent
     try:
-        path.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=path):
+        with tempfile.TemporaryFile(dir=nearest):
             pass
     except OSError as error:
-        raise InputError(f"output directory {path} cannot be written ({error.strerror}); name another.") from None
-    return path
+        raise _unwritable(directory, error) from None
+
+
+def make_directory(path: str | Path) -> Path:
+    """The directory `path`, made with its parents if it is not there; InputError where that is not possible."""
+    try:
+        Path(path).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _unwritable(path, error) from None
+    return Path(path)
+
+
+def _unwritable(directory, error: OSError) -> InputError:
+    return InputError(f"output directory {directory} cannot be written ({error.strerror}); name another.")
 
 
 def write_file(path: str | Path, data: bytes) -> Path:

@@ -14,7 +14,6 @@ import numpy as np
 from .frequency import SampledFamily, frequency_grid
 from .regulators import Regulators, series
 
-
 MARGIN_UNITS = {"Ms": "1", "Mt": "1", "gain_margin": "1", "phase_margin": "rad", "delay_margin": "s", "crossover": "rad/s"}
 """the margins that reports and files state"""
 

@@ -30,7 +30,9 @@ def summarize(design) -> str:
 
 def to_dict(design) -> dict:
     """Verdicts, worst margins, comparison and times of `design`, of plain types; infinite numbers become None."""
-    margins = {name: dataclasses.asdict(design.schedule.margins.worst(name)) | {"unit": unit} for name, unit in MARGIN_UNITS.items()}
+    margins = {
+        name: dataclasses.asdict(design.schedule.margins.worst(name)) | {"unit": unit} for name, unit in MARGIN_UNITS.items()
+    }
     return _plain(
         {
             "actuator": design.actuator.name,

@@ -7,16 +7,6 @@ import sys
 import pytest
 
 import hydroctl as hc
-from hydroctl.cli import main
-
-
-def run(monkeypatch, capsys, *arguments):
-    """(exit code, stdout, stderr) of `hydroctl` with these arguments, in this process."""
-    monkeypatch.setattr(sys, "argv", ["hydroctl", *map(str, arguments)])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    out, err = capsys.readouterr()
-    return ended.value.code or 0, out, err
 
 
 SHEET = """
@@ -56,9 +46,9 @@ def sheet(tmp_path):
         (('area_a = "20 cm^2"\narea_b = "15 cm^2"', 'bore_diameter = "50 mm"\nrod_diameter = "60 mm"'), "rod_diameter"),
     ],
 )
-def test_a_bad_data_sheet_is_one_message_and_code_2_and_leaves_nothing(monkeypatch, capsys, sheet, tmp_path, change, message):
+def test_a_bad_data_sheet_is_one_message_and_code_2_and_leaves_nothing(command, sheet, tmp_path, change, message):
     out = tmp_path / "out"
-    code, stdout, stderr = run(monkeypatch, capsys, "design", sheet(change), "-o", out)
+    code, stdout, stderr = command("design", sheet(change), "-o", out)
     assert (code, stdout) == (2, "")
     assert message in stderr
     assert "Traceback" not in stderr
@@ -75,30 +65,30 @@ def test_a_bad_data_sheet_is_one_message_and_code_2_and_leaves_nothing(monkeypat
         (("actuators", "nothing"), "is unknown"),
     ],
 )
-def test_bad_arguments_are_one_message_and_code_2(monkeypatch, capsys, tmp_path, arguments, message):
+def test_bad_arguments_are_one_message_and_code_2(command, monkeypatch, tmp_path, arguments, message):
     monkeypatch.chdir(tmp_path)
-    code, stdout, stderr = run(monkeypatch, capsys, *arguments)
+    code, stdout, stderr = command(*arguments)
     assert (code, stdout) == (2, "")
     assert message in stderr
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_output_directory_that_cannot_be_made_is_code_2(monkeypatch, capsys, tmp_path):
+def test_an_output_directory_that_cannot_be_made_is_code_2(command, tmp_path):
     (tmp_path / "file").write_text("")
-    code, _, stderr = run(monkeypatch, capsys, "design", "reference", "-o", tmp_path / "file" / "out")
+    code, _, stderr = command("design", "reference", "-o", tmp_path / "file" / "out")
     assert code == 2
     assert "cannot be written" in stderr
 
 
-def test_actuators_are_listed_and_described(monkeypatch, capsys):
-    code, stdout, _ = run(monkeypatch, capsys, "actuators")
+def test_actuators_are_listed_and_described(command):
+    code, stdout, _ = command("actuators")
     assert code == 0
     assert stdout.split() == hc.list_actuators()
-    code, stdout, _ = run(monkeypatch, capsys, "actuators", "reference")
+    code, stdout, _ = command("actuators", "reference")
     assert code == 0
     for part in ("area_a", "bulk_modulus", "natural frequency", "stall force", "ASSUMED"):
         assert part in stdout
-    code, stdout, _ = run(monkeypatch, capsys, "actuators", "reference", "--json")
+    code, stdout, _ = command("actuators", "reference", "--json")
     assert json.loads(stdout)["parameters"]["mass"] == 500.0
 
 

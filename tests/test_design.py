@@ -7,8 +7,6 @@ import pytest
 
 import hydroctl as hc
 
-from .test_cli import run
-
 
 @pytest.fixture(scope="module", params=["velocity", "position"])
 def designed(request, reference):
@@ -52,10 +50,10 @@ def test_a_design_is_saved_whole_and_its_schedule_loads(designed, tmp_path):
     np.testing.assert_array_equal(hc.load_schedule(tmp_path / "out" / "schedule.json").ki, designed.schedule.ki)
 
 
-def test_a_machine_whose_requirement_is_not_met_ends_with_code_1_and_says_where(monkeypatch, capsys, tmp_path):
+def test_a_machine_whose_requirement_is_not_met_ends_with_code_1_and_says_where(command, tmp_path):
     sheet = tmp_path / "loaded.toml"
     hc.save_actuator(hc.load_actuator("reference").replace(name="loaded", load_force=1.2e6), sheet)
-    code, stdout, _ = run(monkeypatch, capsys, "design", sheet, "-o", tmp_path / "out", "--uncertainty", "nominal", "--json")
+    code, stdout, _ = command("design", sheet, "-o", tmp_path / "out", "--uncertainty", "nominal", "--json")
     answer = json.loads(stdout)
     failed = [verdict for verdict in answer["verdicts"] if not verdict["passed"]]
     assert code == 1
