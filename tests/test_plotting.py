@@ -44,7 +44,7 @@ def schedule():
 def run():
     """A scenario and a made-up motion in it, each signal with its own numbers."""
     t = 1e-3 * np.arange(50)
-    scenario = Scenario(name="Step at 0.2 m", loop="velocity", Ts=1e-3, reference=np.where(t < 0.01, 0.0, 0.05), y=0.2)
+    scenario = Scenario(name="Step at 0.2 m", kind="step", loop="velocity", Ts=1e-3, reference=np.where(t < 0.01, 0.0, 0.05), y=0.2)
     signals = {"x": np.sin(90 * t), "spool": np.sin(80 * t), "y": 0.2 + t**2, "v": 0.05 * np.cos(70 * t)}
     final = State(1.5e7, 1.5e7, 0.0, 0.2)
     trajectory = Trajectory(t=t, **signals, p_a=1e7 + 1e8 * t, p_b=2e7 - 1e8 * t, integrator="made up", final=final)
@@ -154,7 +154,7 @@ def test_points_without_a_model_are_counted_and_explained():
     family = linearize(REFERENCE, points)
     for draw in (plotting.bode, plotting.pole_zero_map, plotting.resonance_over_stroke):
         axes = draw(family)
-        text = "".join(ax.get_xlabel() for ax in axes)
+        text = " ".join(note.get_text() for ax in axes for note in ax.texts).replace("\n", " ")
         assert "4 of 12 points are not drawn" in text
         assert "the valve is closed" in text
     ax = plotting.reduction_error_map(reduce_order(family))
@@ -213,7 +213,8 @@ def test_root_locus_leaves_the_unit_circle_at_the_gain_margin(schedule):
 
 
 def test_root_locus_knows_the_plants_of_the_specification(schedule):
-    assert "mass +40 %" in plotting.root_locus(schedule, 0.5, 0.4, variant="mass +40 %").get_title()
+    ax = plotting.root_locus(schedule, 0.5, 0.4, variant="mass +40 %")
+    assert ax.texts[-1].get_text() == "plant: mass +40 %"
     with pytest.raises(InputError, match="did you mean 'mass \\+40 %'"):
         plotting.root_locus(schedule, 0.5, 0.4, variant="mass +4 %")
 
@@ -300,6 +301,21 @@ def test_traces_show_the_motion_with_the_reference_of_the_controlled_quantity(ru
     assert [len(ax.lines) for ax in plotting.traces(ideal)] == [1, 1, 1, 2]
 
 
+def test_overlay_shows_motions_of_both_loops_with_their_references(run):
+    scenario, trajectory = run
+    position = Scenario(name="stay", loop="position", Ts=1e-3, reference=np.full(50, 0.2), y=0.2)
+    axes = plotting.overlay([run, (position, replace(trajectory, y=trajectory.y + 0.1))])
+    shown = [trajectory.y + 0.1, trajectory.v, trajectory.x, trajectory.p_a / 1e5, trajectory.p_b / 1e5]
+    for ax, values in zip(axes, shown, strict=True):
+        np.testing.assert_array_equal(ax.lines[-1].get_ydata(), values)
+    dotted = [[line.get_ydata() for line in ax.lines if line.get_label() == "reference"] for ax in axes]
+    np.testing.assert_array_equal(dotted[0], [position.reference])
+    np.testing.assert_array_equal(dotted[1], [scenario.reference])
+    assert legend(axes[-1]) == [scenario.name, "stay"]
+    units = [ax.get_ylabel() for ax in axes]
+    assert units == ["position y (m)", "speed v (m/s)", "valve opening x\n(of full)", "pressure a (bar)", "pressure b (bar)"]
+
+
 def test_comparison_shows_every_motion_and_its_error(run):
     scenario, trajectory = run
     axes = plotting.comparison({"scheduled": trajectory, "fixed": trajectory}, scenario)
@@ -313,7 +329,7 @@ def test_comparison_shows_every_motion_and_its_error(run):
 
 def test_every_figure_of_a_design_has_a_title_and_a_unit_on_every_axis(figures):
     assert len(figures) == 10
-    assert "validation-01-step-at-0-2-m" in figures
+    assert "validation-step" in figures
     for name, draw in figures.items():
         figure = draw()
         panels = [ax for ax in figure.axes if ax.get_label() != "<colorbar>"]
@@ -346,6 +362,7 @@ def test_drawing_changes_no_setting_and_registers_no_figure(figures):
         (3, lambda schedule, run, ax: plotting.gain_surfaces(schedule, ax)),
         (1, lambda schedule, run, ax: plotting.margin_map(schedule.margins, "Mt", ax)),
         (4, lambda schedule, run, ax: plotting.traces(run[1], run[0], ax)),
+        (5, lambda schedule, run, ax: plotting.overlay([run], ax)),
         (3, lambda schedule, run, ax: plotting.comparison({"one": run[1]}, run[0], ax)),
     ],
 )

@@ -10,7 +10,7 @@ from .design import design_figures
 from .family import bode, pole_zero_map, reduction_error_map, resonance_over_stroke
 from .loop import nichols, nyquist, root_locus
 from .maps import gain_surfaces, margin_map
-from .motion import comparison, traces
+from .motion import comparison, overlay, traces
 from .output import save_figure, save_figures
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "margin_map",
     "nichols",
     "nyquist",
+    "overlay",
     "pole_zero_map",
     "reduction_error_map",
     "resonance_over_stroke",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable
 
 from matplotlib.figure import Figure
@@ -14,13 +13,14 @@ from ..simulation import Scenario, Trajectory
 from .family import bode, pole_zero_map, reduction_error_map, resonance_over_stroke
 from .loop import nichols, nyquist, root_locus
 from .maps import gain_surfaces, margin_map
-from .motion import traces
+from .motion import overlay
 
 
 def design_figures(
-    family: LinearFamily, reduced: SecondOrderFamily, schedule: GainSchedule, runs: Iterable[tuple[Scenario, Trajectory]] = ()
+    family: LinearFamily, reduced: SecondOrderFamily, schedule: GainSchedule, motions: Iterable[tuple[Scenario, Trajectory]] = ()
 ) -> dict[str, Callable[[], Figure]]:
-    """By file name, functions that draw the figures of a design; `runs` are the validation's scenarios and motions.
+    """By file name, functions that draw the figures of a design; `motions` are those of the validation, one figure for each kind
+    of scenario.
 
     Root locus, Nyquist plot and Nichols chart are those of the operating point with the largest Ms.
     """
@@ -37,7 +37,9 @@ def design_figures(
         "nyquist": lambda: nyquist(*point).figure,
         "nichols": lambda: nichols(*point).figure,
     }
-    for number, (scenario, trajectory) in enumerate(runs, 1):
-        name = f"validation-{number:02d}-{re.sub('[^a-z0-9]+', '-', scenario.name.lower()).strip('-')}"
-        figures[name] = lambda scenario=scenario, trajectory=trajectory: traces(trajectory, scenario)[0].figure
+    kinds: dict[str, list] = {}
+    for scenario, trajectory in motions:
+        kinds.setdefault(scenario.kind, []).append((scenario, trajectory))
+    for kind, group in kinds.items():
+        figures[f"validation-{kind}"] = lambda group=group: overlay(group)[0].figure
     return figures

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from ..errors import InputError
 from ..linearization import LinearFamily
@@ -21,6 +22,7 @@ from .style import (
     left_out,
     name_sides,
     norm_of,
+    note_height,
     of_side,
     one_axes,
     place,
@@ -50,18 +52,21 @@ def bode(family: LinearFamily | SecondOrderFamily, ax=None, *, omega=None) -> np
         response = family.frequency_response(omega)[shown]
     curves = 20.0 * np.log10(np.abs(response)), np.degrees(np.unwrap(np.angle(response), axis=-1))
     hertz = np.asarray(omega) / (2.0 * np.pi)
-    axes = several_axes(ax, 2, (6.4, 5.4), sharex=True)
+    note = left_out(family.points)
+    axes = several_axes(ax, 2, (6.4, 5.4), sharex=True, below=note_height(note))
     worst = int(np.argmin(damping))
     for each, curve in zip(axes, curves, strict=True):
         each.set_xscale("log")
+        each.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        each.xaxis.set_minor_formatter(NullFormatter())
         lines = coloured_lines(each, hertz, curve, y, norm_of(y))
-        label = f"least damped: {place(x[worst], y[worst])}\n$\\zeta$ = {damping[worst]:.3f}, {natural[worst] / (2 * np.pi):.1f} Hz"
+        label = f"least damped: {place(x[worst], y[worst])}\nζ = {damping[worst]:.3f}, {natural[worst] / (2 * np.pi):.1f} Hz"
         each.plot(hertz, curve[worst], color=VERMILLION, linestyle="--", label=label)
         each.set_xlim(hertz[0], hertz[-1])
     axes[0].set(title=f"From valve opening to speed, {_order(family)}", ylabel="|v/x| (dB re 1 m/s)")
     axes[0].legend(loc="lower left")
     axes[1].set(xlabel=FREQUENCY, ylabel="phase of v/x (degrees)")
-    footnote(axes[1], left_out(family.points))
+    footnote(axes[1], note)
     key(lines, axes, POSITION)
     return axes
 
@@ -75,7 +80,8 @@ def pole_zero_map(family: LinearFamily, ax=None) -> np.ndarray:
     shown = require_some(family.points)
     poles, zeros = family.poles()[shown], family.zeros()[shown][:, 0]
     x, y = family.points.x[shown], family.points.y[shown]
-    axes = several_axes(ax, 2, (8.4, 4.4), columns=2)
+    note = left_out(family.points)
+    axes = several_axes(ax, 2, (8.4, 4.4), columns=2, below=note_height(note))
     colours = shades()(norm_of(y)(y))
     cross = {"marker": "x", "s": 22, "linewidths": 0.8, "norm": norm_of(y), "cmap": shades(), "rasterized": y.size > MANY}
     ring = {"marker": "o", "s": 36, "linewidths": 0.8, "facecolors": "none", "edgecolors": colours, "rasterized": y.size > MANY}
@@ -88,7 +94,7 @@ def pole_zero_map(family: LinearFamily, ax=None) -> np.ndarray:
     axes[1].set(title="The pair that nearly cancels", xlabel="real part (rad/s)", ylabel=OPENING)
     for each in axes:
         each.legend(loc="best")
-    footnote(axes[0], left_out(family.points))
+    footnote(axes[0], note)
     key(marks, axes, POSITION)
     return axes
 
@@ -98,7 +104,8 @@ def resonance_over_stroke(family: LinearFamily | SecondOrderFamily, ax=None) -> 
     """Natural frequency and damping ratio over y, one curve for each opening, coloured by x. `ax`: two axes; returns them."""
     shown = require_some(family.points)
     x, y = family.points.x[shown], family.points.y[shown]
-    axes = several_axes(ax, 2, (6.4, 5.0), sharex=True)
+    note = left_out(family.points)
+    axes = several_axes(ax, 2, (6.4, 5.0), sharex=True, below=note_height(note))
     natural, damping = _resonance(family)
     for each, values in zip(axes, (natural[shown] / (2.0 * np.pi), damping[shown]), strict=True):
         for opening in np.unique(x):
@@ -108,7 +115,7 @@ def resonance_over_stroke(family: LinearFamily | SecondOrderFamily, ax=None) -> 
             lines.set_linestyle(of_side(opening))
     axes[0].set(title=f"Resonance over the stroke, {_order(family)}", ylabel="natural frequency (Hz)")
     axes[1].set(xlabel=POSITION, ylabel="damping ratio (1)")
-    footnote(axes[1], left_out(family.points))
+    footnote(axes[1], note)
     name_sides(axes[0], x)
     key(lines, axes, OPENING)
     return axes
@@ -121,7 +128,7 @@ def reduction_error_map(reduced: SecondOrderFamily, ax=None):
     """
     require_some(reduced.points)
     x, y = _grid(reduced)
-    ax = one_axes(ax)
+    ax = one_axes(ax, below=0.4)
     error, rejected = 100.0 * reduced.error, reduced.points.feasible & ~reduced.accepted
     cells(ax, x, y, error, "largest relative error (%)", logarithmic=True, crossed=rejected)
     i, j = np.unravel_index(np.nanargmax(error), error.shape)
@@ -132,7 +139,7 @@ def reduction_error_map(reduced: SecondOrderFamily, ax=None):
     ax.set_title(
         f"Error of the second-order model\n{rejected.sum()} of {error.size} points above {100 * reduced.tolerance:g} %{grey}"
     )
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16))
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14))
     return ax
 
 

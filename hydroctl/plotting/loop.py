@@ -14,7 +14,7 @@ from ..frequency import frequency_grid
 from ..margins import Loop, analyse
 from ..regulators import series
 from ..schedule import GainSchedule, sampled_plants
-from .style import BLACK, BLUE, GREY, ORANGE, VERMILLION, coloured_lines, one_axes, place, styled
+from .style import BLACK, BLUE, GREY, ORANGE, VERMILLION, coloured_lines, footnote, key, one_axes, place, styled
 
 _FACTORS = np.geomspace(1e-1, 1e2, 121)
 _LONGEST_STEP = 0.02
@@ -47,7 +47,7 @@ def root_locus(schedule: GainSchedule, x: float, y: float, ax: Axes | None = Non
     loop = loops.take([labels.index(variant)])
     factors, branches = _locus(loop)
     (start, zeros), present = _open_loop(loop), loop.poles()[0]
-    ax = one_axes(ax, (6.6, 5.6))
+    ax = one_axes(ax, (6.6, 5.6), below=0.2)
     _damping_grid(ax)
     steps = np.stack([branches[:-1], branches[1:]], axis=-1)
     exponent = np.broadcast_to(np.log10(factors[1:, None]), steps.shape[:2])
@@ -58,17 +58,17 @@ def root_locus(schedule: GainSchedule, x: float, y: float, ax: Axes | None = Non
     ax.plot(zeros.real, zeros.imag, "o", color=BLACK, markerfacecolor="none", label="open-loop zeros")
     ax.plot(present.real, present.imag, "s", color=VERMILLION, label="poles with the present gain", markersize=5)
     margin = analyse(loop).gain_margin[0]
-    name = f"{schedule.loop} loop, {schedule.structure}, {variant} plant"
     ax.set(
-        title=f"Root locus: {name}\n{place(x, y)}, gain margin {margin:.3g}",
+        title=f"Root locus of the {schedule.loop} loop, {schedule.structure}\n{place(x, y)}, gain margin {margin:.3g}",
         xlabel="real part of z (1)",
         ylabel="imaginary part of z (1)",
         xlim=(-_WINDOW, _WINDOW),
         ylim=(-1.2, 1.2),
         aspect="equal",
     )
+    footnote(ax, f"plant: {variant}")
     ax.legend(loc="lower left")
-    bar = ax.figure.colorbar(lines, ax=ax, label="factor on the loop gain (1)", pad=0.02, aspect=30)
+    bar = key(lines, ax, "factor on the loop gain (1)")
     bar.set_ticks([-1, 0, 1, 2], labels=["0.1", "1", "10", "100"])
     return ax
 
@@ -83,14 +83,16 @@ def _scaled(loop: Loop, factors: np.ndarray) -> Loop:
 def _locus(loop: Loop) -> tuple[np.ndarray, np.ndarray]:
     """(factors (n,), poles (n, N)) with each column following one pole, dense where poles move fast inside the window."""
     factors = _FACTORS
+    branches = _branches(_scaled(loop, factors).poles())
     for _ in range(_BISECTIONS):
-        branches = _branches(_scaled(loop, factors).poles())
         moved = np.where(np.abs(branches[1:]) < 2.0 * _WINDOW, np.abs(np.diff(branches, axis=0)), 0.0).max(axis=1)
         wide = np.flatnonzero(moved > _LONGEST_STEP)
         if wide.size == 0:
             break
-        factors = np.insert(factors, wide + 1, np.sqrt(factors[wide] * factors[wide + 1]))
-    return factors, _branches(_scaled(loop, factors).poles())
+        between = np.sqrt(factors[wide] * factors[wide + 1])
+        branches = _branches(np.insert(branches, wide + 1, _scaled(loop, between).poles(), axis=0))
+        factors = np.insert(factors, wide + 1, between)
+    return factors, branches
 
 
 def _branches(poles: np.ndarray) -> np.ndarray:

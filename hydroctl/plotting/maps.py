@@ -35,7 +35,7 @@ _MARGINS = {
     "delay_margin": ("delay margin (ms)", 1e3),
     "crossover": ("crossover (Hz)", 0.5 / np.pi),
 }
-_LABELS_PER_AXIS = 9
+_LABELS_PER_AXIS = 10
 _LOG_SPAN = 1e-3
 
 
@@ -81,7 +81,7 @@ def margin_map(margins: ScheduleMargins, name: str, ax=None, *, limit: float | N
 
     values = np.asarray(getattr(margins.margins, name))
     worst_of_variants = values.max(axis=0) if name in ("Ms", "Mt") else values.min(axis=0)
-    ax = one_axes(ax, (6.8, 4.6))
+    ax = one_axes(ax, (6.8, 4.8), below=0.5)
     cells(ax, margins.x, margins.y, shown(worst_of_variants), label, crossed=~margins.margins.stable.all(axis=0))
     worst = margins.worst(name)
     i, j = np.flatnonzero(margins.x == worst.x)[0], np.flatnonzero(margins.y == worst.y)[0]
@@ -90,7 +90,7 @@ def margin_map(margins: ScheduleMargins, name: str, ax=None, *, limit: float | N
     required = "" if limit is None else f", limit {shown(limit):.4g}"
     unstable = f", {margins.unstable} unstable" if margins.unstable else ""
     ax.set_title(f"{label}, worst of {len(margins.variants)} plants{required}{unstable}")
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16))
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14))
     return ax
 
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from ..simulation import Scenario, Trajectory
-from .style import BLACK, BLUE, TIME, VERMILLION, several_axes, styled
+from .style import BLACK, BLUE, POSITION, TIME, VERMILLION, several_axes, styled
 
-_CONTROLLED = {"velocity": ("v", "speed v (m/s)"), "position": ("y", "position y (m)")}
+_CONTROLLED = {"position": ("y", POSITION), "velocity": ("v", "speed v (m/s)")}
+_OPENING = "valve opening x\n(of full)"
+_LABELS = (POSITION, "speed v (m/s)", _OPENING, "pressure a (bar)", "pressure b (bar)")
 _PASCAL_PER_BAR = 1e5
 
 
@@ -20,22 +22,42 @@ def traces(trajectory: Trajectory, scenario: Scenario | None = None, ax=None) ->
     The spool is drawn where it does not follow its command at once. `ax`: four axes; returns them.
     """
     axes = several_axes(ax, 4, (6.4, 6.6), sharex=True)
-    t = trajectory.t
-    for each, (name, label) in zip(axes, (_CONTROLLED["position"], _CONTROLLED["velocity"]), strict=False):
-        each.plot(t, getattr(trajectory, name), color=BLUE, label=name)
+    t, (y, v, x, p_a, p_b) = trajectory.t, _signals(trajectory)
+    for each, values, label in zip(axes, (y, v, x), _LABELS, strict=False):
+        each.plot(t, values, color=BLUE, label="motion")
         each.set_ylabel(label)
-        if scenario is not None and _CONTROLLED[scenario.loop][0] == name:
-            _reference(each, scenario)
-            each.legend(loc="best")
-    _opening(axes[2], trajectory, color=BLUE, label="command")
-    if (trajectory.spool != trajectory.x).any():
+    if scenario is not None:
+        controlled = axes[list(_CONTROLLED).index(scenario.loop)]
+        _reference(controlled, scenario)
+        controlled.legend(loc="best")
+    axes[2].lines[0].set(drawstyle="steps-post", label="command")
+    if (trajectory.spool != x).any():
         axes[2].plot(t, trajectory.spool, color=VERMILLION, linestyle="--", label="spool")
         axes[2].legend(loc="best")
-    axes[3].plot(t, trajectory.p_a / _PASCAL_PER_BAR, color=BLUE, label="chamber a")
-    axes[3].plot(t, trajectory.p_b / _PASCAL_PER_BAR, color=VERMILLION, linestyle="--", label="chamber b")
+    axes[3].plot(t, p_a, color=BLUE, label="chamber a")
+    axes[3].plot(t, p_b, color=VERMILLION, linestyle="--", label="chamber b")
     axes[3].legend(loc="best")
     axes[3].set(ylabel="pressure (bar)", xlabel=TIME, xlim=(t[0], t[-1]))
     axes[0].set_title("Motion" if scenario is None else scenario.name)
+    return axes
+
+
+@styled
+def overlay(motions: Sequence[tuple[Scenario, Trajectory]], ax=None) -> np.ndarray:
+    """Several motions, each in its own scenario, over each other: position, speed, valve opening, pressure in chamber a and in b.
+
+    References are dotted. `ax`: five axes; returns them.
+    """
+    axes = several_axes(ax, 5, (6.4, 8.2), sharex=True, below=0.7)
+    for scenario, trajectory in motions:
+        _reference(axes[list(_CONTROLLED).index(scenario.loop)], scenario, linewidth=0.9)
+        for each, values in zip(axes, _signals(trajectory), strict=True):
+            each.plot(trajectory.t, values, label=scenario.name)
+    for each, label in zip(axes, _LABELS, strict=True):
+        each.set_ylabel(label)
+    axes[0].set_title("Validation on the nonlinear plant")
+    axes[-1].set_xlabel(TIME)
+    axes[-1].legend(loc="upper center", bbox_to_anchor=(0.5, -0.42), ncols=2, fontsize=7)
     return axes
 
 
@@ -51,19 +73,21 @@ def comparison(trajectories: Mapping[str, Trajectory], scenario: Scenario, ax=No
         values = getattr(trajectory, name)
         axes[0].plot(trajectory.t, values, label=key)
         axes[1].plot(trajectory.t, scenario.reference - values, label=key)
-        _opening(axes[2], trajectory, label=key)
+        axes[2].plot(trajectory.t, trajectory.x, drawstyle="steps-post", label=key)
     unit = label[label.index("(") :]
     axes[0].set(title=scenario.name, ylabel=label, xlim=(scenario.t[0], scenario.t[-1]))
     axes[1].set_ylabel(f"control error {unit}")
-    axes[2].set_xlabel(TIME)
+    axes[2].set(xlabel=TIME, ylabel=_OPENING)
     axes[0].legend(loc="best")
     return axes
 
 
-def _reference(axes, scenario: Scenario) -> None:
-    axes.plot(scenario.t, scenario.reference, color=BLACK, linestyle=":", linewidth=1.2, drawstyle="steps-post", label="reference")
+def _signals(trajectory: Trajectory) -> tuple[np.ndarray, ...]:
+    """Position, speed, valve opening, and the pressures in bar."""
+    t = trajectory
+    return t.y, t.v, t.x, t.p_a / _PASCAL_PER_BAR, t.p_b / _PASCAL_PER_BAR
 
 
-def _opening(axes, trajectory: Trajectory, **look) -> None:
-    axes.plot(trajectory.t, trajectory.x, drawstyle="steps-post", **look)
-    axes.set_ylabel("valve opening x\n(of full)")
+def _reference(axes, scenario: Scenario, **look) -> None:
+    look = {"color": BLACK, "linestyle": ":", "linewidth": 1.2, "drawstyle": "steps-post"} | look
+    axes.plot(scenario.t, scenario.reference, label="reference", **look)

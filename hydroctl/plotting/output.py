@@ -6,28 +6,27 @@ import io
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from ..files import write_file
 from .style import styled
 
-_METADATA = {"png": {"Software": None}, "svg": {"Date": None, "Creator": "hydroctl"}}
+_PNG_DPI = 144
 
 
 @styled
 def save_figure(figure: Figure, directory: str | Path, name: str) -> tuple[Path, Path]:
     """Write `figure` to `name`.png and `name`.svg in `directory`, which exists. Returns both paths.
 
-    Raises InputError as `write_file`. The figure's layout is settled here, once for both.
+    Raises InputError as `write_file`. Each file takes one drawing of the figure; `Figure.savefig` takes two.
     """
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")
-    written = []
-    for kind, metadata in _METADATA.items():
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format=kind, metadata=metadata | {"Title": name})
-        written.append(write_file(Path(directory) / f"{name}.{kind}", buffer.getvalue()))
-    return tuple(written)
+    png, svg = io.BytesIO(), io.BytesIO()
+    figure.set_dpi(_PNG_DPI)
+    FigureCanvasAgg(figure).print_png(png, metadata={"Software": None, "Title": name})
+    FigureCanvasSVG(figure).print_svg(svg, metadata={"Date": None, "Creator": "hydroctl", "Title": name})
+    return tuple(write_file(Path(directory) / f"{name}.{kind}", file.getvalue()) for kind, file in (("png", png), ("svg", svg)))
 
 
 def save_figures(figures: Mapping[str, Callable[[], Figure]], directory: str | Path) -> list[Path]:

@@ -7,6 +7,7 @@ lightest end for a quantity. All stay apart in grey print and for colour-blind r
 from __future__ import annotations
 
 import functools
+import textwrap
 from collections.abc import Callable
 
 import matplotlib
@@ -14,9 +15,11 @@ import numpy as np
 from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.colors import Colormap, ListedColormap, Normalize
+from matplotlib.colorbar import Colorbar
+from matplotlib.colors import Colormap, ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from ..errors import InputError
 from ..operating_point import OperatingPoints
@@ -44,7 +47,6 @@ STYLE = {
     "legend.fontsize": 8,
     "legend.framealpha": 0.9,
     "lines.linewidth": 1.4,
-    "savefig.dpi": 144,
     "savefig.facecolor": "white",
     "svg.fonttype": "none",
     "svg.hashsalt": "hydroctl",
@@ -56,6 +58,12 @@ POSITION = "position y (m)"
 OPENING = "valve opening x (of full)"
 FREQUENCY = "frequency (Hz)"
 TIME = "time (s)"
+_MARGINS = (0.85, 0.2, 0.6, 0.5)
+"""left, right, bottom and top of a new figure in inches"""
+_KEY_WIDTH = 1.0
+"""of a colour bar with its labels, in inches"""
+_NOTE_LINE = 110
+"""characters"""
 MANY = 300
 """lines or marks beyond which a figure holds them as pixels, in SVG too"""
 
@@ -71,19 +79,24 @@ def styled(draw: Callable) -> Callable:
     return wrapper
 
 
-def one_axes(ax: Axes | None, size=(6.4, 4.4)) -> Axes:
-    """`ax`, or the axes of a new figure of `size` inches."""
-    return Figure(figsize=size, layout="constrained").subplots() if ax is None else ax
+def one_axes(ax: Axes | None, size=(6.4, 4.4), *, below: float = 0.0) -> Axes:
+    """`ax`, or the axes of a new figure of `size` inches with `below` more under the axis label."""
+    return several_axes(ax, 1, size, below=below)[0]
 
 
-def several_axes(ax, count: int, size, *, columns: int = 1, **keywords) -> np.ndarray:
-    """(count,) axes: those given, or those of a new figure of `size` inches. InputError for another number of axes."""
+def several_axes(ax, count: int, size, *, columns: int = 1, below: float = 0.0, sharex: bool = False) -> np.ndarray:
+    """(count,) axes: those given, or those of a new figure of `size` inches. InputError for another number of axes.
+
+    The margins of a new figure are set here, in inches: finding them from the texts takes longer than drawing the figure.
+    """
     if ax is None:
-        figure = Figure(figsize=size, layout="constrained")
-        made = figure.subplots(-(-count // columns), columns, squeeze=False, **keywords).reshape(-1)
-        for unused in made[count:]:
-            figure.delaxes(unused)
-        return made[:count]
+        width, height = size
+        rows = -(-count // columns)
+        left, right, bottom, top = _MARGINS
+        margins = {"left": left / width, "right": 1.0 - right / width, "top": 1.0 - top / height}
+        gaps = {"hspace": 0.12 if sharex else 0.35, "wspace": 0.28}
+        grid = {**margins, **gaps, "bottom": (bottom + below) / height}
+        return Figure(figsize=size).subplots(rows, columns, squeeze=False, sharex=sharex, gridspec_kw=grid).reshape(-1)
     given = np.atleast_1d(np.asarray(ax, dtype=object)).reshape(-1)
     if given.size != count:
         raise InputError(f"this figure needs {count} axes, {given.size} were given; pass as many, or none for a new figure.")
@@ -127,18 +140,29 @@ def norm_of(values) -> Normalize:
     return Normalize(low, high) if high > low else Normalize(low - 0.5, high + 0.5)
 
 
-def key(mappable, axes, label: str) -> None:
+def key(mappable, axes, label: str) -> Colorbar:
     """A colour bar beside all `axes` that says what the shades mean."""
     axes = np.atleast_1d(axes)
-    axes[0].figure.colorbar(mappable, ax=list(axes), label=label, pad=0.02, aspect=30)
+    width = axes[0].figure.get_figwidth()
+    bar = axes[0].figure.colorbar(mappable, ax=list(axes), label=label, fraction=_KEY_WIDTH / width, pad=0.02, aspect=30)
+    if isinstance(mappable.norm, LogNorm):
+        bar.ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        bar.ax.yaxis.set_minor_formatter(NullFormatter())
+    return bar
 
 
 def left_out(points: OperatingPoints) -> str:
-    """Empty, or how many points are not drawn and why the first is not."""
+    """Empty, or how many points are not drawn and why the first is not, in short lines."""
     missing = ~points.feasible
     if not missing.any():
         return ""
-    return f"{missing.sum()} of {missing.size} points are not drawn; the first: {points.reason[missing][0]}"
+    text = f"{missing.sum()} of {missing.size} points are not drawn; the first: {points.reason[missing][0]}"
+    return "\n".join(textwrap.wrap(text, _NOTE_LINE))
+
+
+def note_height(text: str) -> float:
+    """Inches that `footnote` takes for `text`."""
+    return 0.13 * (text.count("\n") + 1) + 0.05 if text else 0.0
 
 
 def require_some(points: OperatingPoints) -> np.ndarray:
@@ -149,9 +173,10 @@ def require_some(points: OperatingPoints) -> np.ndarray:
 
 
 def footnote(ax: Axes, text: str) -> None:
-    """A small line under the axis label of `ax`."""
+    """Small lines under the axis label of `ax`."""
     if text:
-        ax.set_xlabel(f"{ax.get_xlabel()}\n{text}", wrap=True)
+        place_below = {"xycoords": "axes fraction", "xytext": (-40, -36), "textcoords": "offset points", "annotation_clip": False}
+        ax.annotate(text, (0.0, 0.0), fontsize=7, va="top", **place_below)
 
 
 def place(x: float, y: float) -> str:
