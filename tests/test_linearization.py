@@ -5,6 +5,7 @@ import pytest
 from machines import DIFFERENTIAL, LOSSLESS, REFERENCE, mirrored
 
 import hydroctl as hc
+from hydroctl import plant
 from hydroctl.polynomials import cubic_roots
 
 GRID_X = np.array([-1.0, -0.1, 0.02, 0.1, 1.0])[:, None]
@@ -81,6 +82,28 @@ def test_coefficients_and_poles_agree_with_python_control(actuator, form):
         model = family[index]
         np.testing.assert_allclose(model.transfer_function()(1j * omega), scaled(1j * omega), rtol=1e-9)
         np.testing.assert_allclose(model.state_space().A, family.A[index], rtol=0)
+
+
+@pytest.mark.parametrize("actuator", [REFERENCE, DIFFERENTIAL], ids=lambda actuator: actuator.name)
+def test_coefficients_are_those_of_complex_step_derivatives_to_1e_10(actuator):
+    family, p, step = _family(actuator), plant.parameters(actuator), 1e-30
+    scale = np.diag([1e5, 1e5, 1e-2])
+    for index in np.ndindex(family.shape):
+        z = np.array([family.points.p_a[index], family.points.p_b[index], family.points.v[index]])
+        x, y = np.complex128(family.points.x[index]), family.points.y[index]
+        slopes = [np.imag(plant.rates(*(z + 1j * step * unit), y, x, 0.0, p)) / step for unit in np.eye(3)]
+        b = np.linalg.solve(scale, np.imag(plant.rates(*z, y, x + 1j * step, 0.0, p)) / step)
+        A = np.linalg.solve(scale, np.array(slopes).T @ scale)
+        np.testing.assert_allclose(family.denominator[index], np.poly(A), rtol=1e-10)
+        b_v = np.array([0.0, 0.0, scale[2, 2]])
+        numerator = [b_v @ b, b_v @ (A - np.trace(A) * np.eye(3)) @ b, b_v @ _adjugate(A) @ b]
+        np.testing.assert_allclose(family.numerator[index], numerator[1:], rtol=1e-10)
+        assert numerator[0] == 0.0
+
+
+def _adjugate(A):
+    """det(A) A^-1; c (s I - A)^-1 b det(s I - A) = c (s^2 + s (A - tr A) + adj A) b."""
+    return np.linalg.det(A) * np.linalg.inv(A)
 
 
 def test_members_carry_named_signals():
