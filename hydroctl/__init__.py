@@ -27,6 +27,7 @@ _HOME = {
     "PoorFitWarning": "surfaces",
     "State": "simulation",
     "Trajectory": "simulation",
+    "as_nonlinear_system": "plant",
     "characterize": "characteristics",
     "find_operating_points": "operating_point",
     "fit_surfaces": "surfaces",
