@@ -8,6 +8,8 @@ import hydroctl as hc
 from hydroctl import plant
 from hydroctl.polynomials import cubic_roots
 
+OVERLAPPED = DIFFERENTIAL.replace(name="overlapped", dead_band=0.05)
+REAL = OVERLAPPED.replace(name="real", coulomb_friction=1000.0, breakaway_friction=1500.0, stribeck_speed=0.02, load_force=2e4)
 GRID_X = np.array([-1.0, -0.1, 0.02, 0.1, 1.0])[:, None]
 GRID_Y = np.array([0.0, 0.2, 0.5])
 # x, y, slow pole, complex pair, secant zero, tangent zero: zero leakage; the first five are Table 1 of the source paper
@@ -115,13 +117,13 @@ def test_members_carry_named_signals():
     assert len(transfer.den[0][0]) == 4
 
 
-@pytest.mark.parametrize("actuator", [REFERENCE, LOSSLESS, DIFFERENTIAL], ids=lambda actuator: actuator.name)
+@pytest.mark.parametrize("actuator", [REFERENCE, LOSSLESS, DIFFERENTIAL, OVERLAPPED], ids=lambda actuator: actuator.name)
 def test_the_secant_gain_is_speed_over_opening(actuator):
-    family = _family(actuator, "secant")
+    family = _family(actuator, "secant", np.array([-1.0, -0.1, 0.1, 0.7]), 0.2)
     np.testing.assert_allclose(family.static_gain(), family.points.v / family.points.x, rtol=1e-10)
 
 
-@pytest.mark.parametrize("actuator", [REFERENCE, DIFFERENTIAL], ids=lambda actuator: actuator.name)
+@pytest.mark.parametrize("actuator", [REFERENCE, DIFFERENTIAL, OVERLAPPED, REAL], ids=lambda actuator: actuator.name)
 def test_the_tangent_gain_is_the_slope_of_speed_over_opening(actuator):
     x, step = np.array([-0.8, -0.1, 0.1, 0.8]), 1e-3
     shifts = np.array([-2.0, -1.0, 1.0, 2.0])[:, None] * step * np.abs(x)
