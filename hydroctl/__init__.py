@@ -29,6 +29,7 @@ _HOME = {
     "State": "simulation",
     "Trajectory": "simulation",
     "ValidationReport": "validation",
+    "as_nonlinear_system": "plant",
     "characterize": "characteristics",
     "design": "design",
     "find_operating_points": "operating_point",

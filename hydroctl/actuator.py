@@ -17,6 +17,7 @@ import hashlib
 import json
 import math
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import Any
 
 from .errors import InputError, unknown_name
@@ -169,8 +170,12 @@ def parameter_fault(name: str, value: object) -> str | None:
         return None
     unit = spec.metadata["unit"]
     form, suffix = (f"in {unit}", f" {unit}") if unit else ("as a plain number", "")
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
+    if isinstance(value, bool) or not isinstance(value, Real):
         return f"{name} = {value!r} is not a number; give it {form}."
+    try:
+        value = float(value)
+    except OverflowError:
+        value = math.inf
     if not math.isfinite(value):
         return f"{name} = {value} is not finite; give {spec.metadata['text']} {form}."
     if value <= spec.metadata["above"]:

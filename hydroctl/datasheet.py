@@ -100,10 +100,10 @@ def _shipped():
 
 def _actuator(default_name: str, data: bytes, where: str) -> Actuator:
     try:
-        table = tomllib.loads(data.decode())
+        table = tomllib.loads(data.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         raise InputError(f"{where}: byte {error.start} is not UTF-8 text; save the data sheet as a UTF-8 TOML file.") from None
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # an integer of thousands of digits is a ValueError of Python's own
         raise InputError(f"{where}: not valid TOML ({error}); write one `key = value` a line.") from None
     try:
         return Actuator(**{"name": default_name} | _fields(table))

@@ -12,7 +12,7 @@ x < 0 the paper's does not hold, and the chambers change places.
 
 Dry friction f enters as a load: w(f) falls with f, so f = dry friction at w(f) is bracketed by 0 and the breakaway friction.
 Without leakage the solution is the only one whenever the force left at rest exceeds breakaway friction, also where friction falls
-with speed: for every w > 0 the throttled force falls faster.
+with speed: at every solution the throttled force falls faster.
 """
 
 from __future__ import annotations

@@ -65,7 +65,7 @@ class OperatingPoints:
             y=y,
             load=load,
             stall=float(stall_force(self.actuator, x)),
-            left=float(_force_left(self.actuator, x, load)),
+            left=abs(float(_force_left(self.actuator, x, load))),
             p_a=float(self.p_a[index]),
             p_b=float(self.p_b[index]),
             v=float(self.v[index]),

@@ -168,7 +168,7 @@ def valve_rates(spool, spool_rate, command, p: Parameters):
 
 
 def rates(p_a, p_b, v, y, x, load_force, p: Parameters):
-    """(dp_a/dt, dp_b/dt, dv/dt) in Pa/s, Pa/s, m/s^2: equation (1). dy/dt is v."""
+    """(dp_a/dt, dp_b/dt, dv/dt) in Pa/s, Pa/s, m/s^2: equation (1) at the effective opening x. dy/dt is v."""
     gain_a, gain_b = flow_gains(p_a, p_b, x, p)
     stiff_a, stiff_b = stiffnesses(y, p)
     leak = p.leakage * (p_a - p_b)

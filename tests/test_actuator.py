@@ -3,6 +3,7 @@
 import dataclasses
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -25,6 +26,7 @@ def _with(**changes):
         ({"leakage": -1e-13}, "leakage = -1e-13 .* must be at least 0"),
         ({"stroke": math.nan}, "stroke = nan is not finite"),
         ({"bulk_modulus": math.inf}, "bulk_modulus = inf is not finite"),
+        ({"mass": 10**400}, "mass = inf is not finite"),
         ({"area_a": True}, "area_a = True is not a number"),
         ({"area_a": "large"}, "area_a = 'large' is not a number"),
         ({"supply_pressure": None}, "supply_pressure = None is not a number"),
@@ -44,6 +46,11 @@ def test_a_fault_names_field_value_and_way_out(changes, words):
     with pytest.raises(hc.InputError, match=words) as caught:
         _with(**changes)
     assert len(caught.value.faults) == 1
+
+
+def test_numbers_of_numpy_become_floats():
+    actuator = _with(mass=np.int64(200), stroke=np.float32(1.0))
+    assert (type(actuator.mass), type(actuator.stroke)) == (float, float)
 
 
 def test_all_faults_come_at_once():

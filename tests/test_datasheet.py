@@ -79,6 +79,12 @@ def test_makers_data_become_parameters(tmp_path):
     assert actuator.flow_coefficient == pytest.approx(0.1 / 60 / math.sqrt(35e5), rel=1e-15)
 
 
+def test_a_byte_order_mark_and_windows_line_ends_do_no_harm(tmp_path):
+    path = tmp_path / "machine.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + _sheet({}).replace("\n", "\r\n").encode())
+    assert hc.load_actuator(path) == _load(tmp_path, {})
+
+
 def test_hoses_second_rods_unequal_edges_and_drops_over_the_valve(tmp_path):
     plain = _load(tmp_path, {})
     hoses = _load(tmp_path, {"hose_volume_a": '"0.5 L"', "hose_volume_b": 0.0})
@@ -181,6 +187,8 @@ UNREADABLE = {
     "json": (b'{"mass": 200}', "not valid TOML"),
     "deep": (b"mass = " + b"[" * 5000 + b"]" * 5000, "machine.toml"),
     "section": (b"[mass]\nvalue = 1\n", "mass = {'value': 1} is not a quantity"),
+    "long integer": (b"mass = " + b"9" * 20_000, "not valid TOML"),
+    "huge integer": (b"mass = " + b"9" * 4_000, "is not finite"),
     "null byte": (b"mass = 1\x00", "not valid TOML"),
 }
 

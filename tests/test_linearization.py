@@ -5,8 +5,11 @@ import pytest
 from machines import DIFFERENTIAL, LOSSLESS, REFERENCE, mirrored
 
 import hydroctl as hc
+from hydroctl import plant
 from hydroctl.polynomials import cubic_roots
 
+OVERLAPPED = DIFFERENTIAL.replace(name="overlapped", dead_band=0.05)
+REAL = OVERLAPPED.replace(name="real", coulomb_friction=1000.0, breakaway_friction=1500.0, stribeck_speed=0.02, load_force=2e4)
 GRID_X = np.array([-1.0, -0.1, 0.02, 0.1, 1.0])[:, None]
 GRID_Y = np.array([0.0, 0.2, 0.5])
 # x, y, slow pole, complex pair, secant zero, tangent zero: zero leakage; the first five are Table 1 of the source paper
@@ -83,6 +86,28 @@ def test_coefficients_and_poles_agree_with_python_control(actuator, form):
         np.testing.assert_allclose(model.state_space().A, family.A[index], rtol=0)
 
 
+@pytest.mark.parametrize("actuator", [REFERENCE, DIFFERENTIAL], ids=lambda actuator: actuator.name)
+def test_coefficients_are_those_of_complex_step_derivatives_to_1e_10(actuator):
+    family, p, step = _family(actuator), plant.parameters(actuator), 1e-30
+    scale = np.diag([1e5, 1e5, 1e-2])
+    for index in np.ndindex(family.shape):
+        z = np.array([family.points.p_a[index], family.points.p_b[index], family.points.v[index]])
+        x, y = np.complex128(family.points.x[index]), family.points.y[index]
+        slopes = [np.imag(plant.rates(*(z + 1j * step * unit), y, x, 0.0, p)) / step for unit in np.eye(3)]
+        b = np.linalg.solve(scale, np.imag(plant.rates(*z, y, x + 1j * step, 0.0, p)) / step)
+        A = np.linalg.solve(scale, np.array(slopes).T @ scale)
+        np.testing.assert_allclose(family.denominator[index], np.poly(A), rtol=1e-10)
+        b_v = np.array([0.0, 0.0, scale[2, 2]])
+        numerator = [b_v @ b, b_v @ (A - np.trace(A) * np.eye(3)) @ b, b_v @ _adjugate(A) @ b]
+        np.testing.assert_allclose(family.numerator[index], numerator[1:], rtol=1e-10)
+        assert numerator[0] == 0.0
+
+
+def _adjugate(A):
+    """det(A) A^-1; c (s I - A)^-1 b det(s I - A) = c (s^2 + s (A - tr A) + adj A) b."""
+    return np.linalg.det(A) * np.linalg.inv(A)
+
+
 def test_members_carry_named_signals():
     model = _family(REFERENCE)[0, 1]
     system, transfer = model.state_space(), model.transfer_function()
@@ -92,13 +117,13 @@ def test_members_carry_named_signals():
     assert len(transfer.den[0][0]) == 4
 
 
-@pytest.mark.parametrize("actuator", [REFERENCE, LOSSLESS, DIFFERENTIAL], ids=lambda actuator: actuator.name)
+@pytest.mark.parametrize("actuator", [REFERENCE, LOSSLESS, DIFFERENTIAL, OVERLAPPED], ids=lambda actuator: actuator.name)
 def test_the_secant_gain_is_speed_over_opening(actuator):
-    family = _family(actuator, "secant")
+    family = _family(actuator, "secant", np.array([-1.0, -0.1, 0.1, 0.7]), 0.2)
     np.testing.assert_allclose(family.static_gain(), family.points.v / family.points.x, rtol=1e-10)
 
 
-@pytest.mark.parametrize("actuator", [REFERENCE, DIFFERENTIAL], ids=lambda actuator: actuator.name)
+@pytest.mark.parametrize("actuator", [REFERENCE, DIFFERENTIAL, OVERLAPPED, REAL], ids=lambda actuator: actuator.name)
 def test_the_tangent_gain_is_the_slope_of_speed_over_opening(actuator):
     x, step = np.array([-0.8, -0.1, 0.1, 0.8]), 1e-3
     shifts = np.array([-2.0, -1.0, 1.0, 2.0])[:, None] * step * np.abs(x)
