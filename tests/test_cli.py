@@ -8,7 +8,6 @@ import pytest
 
 import hydroctl as hc
 
-
 SHEET = """
 area_a = "20 cm^2"
 area_b = "15 cm^2"
