@@ -10,9 +10,9 @@ With F_f = B w this is the gradient of a strictly convex function of (w, q): one
 closed form at zero leakage, a quadratic in w. For x > 0, F = 0, p_t = 0 that closed form is the paper's (p_1n, p_2n, v_n); for
 x < 0 the paper's does not hold, and the chambers change places.
 
-Dry friction f enters as a load: w(f) falls with f, so f = dry friction at w(f) is bracketed by 0 and the breakaway friction.
-Without leakage the solution is the only one whenever the force left at rest exceeds breakaway friction, also where friction falls
-with speed: at every solution the throttled force falls faster.
+Dry friction is part of F_f(w). Where the force left at rest does not exceed breakaway friction the piston is stuck: w = 0. Where it
+does, and without leakage, there is one solution, also where friction falls with speed: at every solution the throttled force falls
+faster. Newton's method finds it from the solution without dry friction.
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ import numpy as np
 from .plant import Parameters, friction_force, friction_slope
 
 _NEWTON_STEPS = 80
-_BRACKET_STEPS = 60
 
 
 class _Circuit(NamedTuple):
@@ -56,23 +55,31 @@ class _Circuit(NamedTuple):
 def solve(p: Parameters, x, load):
     """(p_a, p_b, v) in Pa, Pa, m/s over the broadcast shape of the effective opening x and the load in N.
 
-    x = 0.0 and x = -0.0 are the two one-sided limits at zero leakage, where v and friction are zero.
+    x = 0.0 and x = -0.0 are the two one-sided limits at zero leakage, where v and friction are zero. A stuck piston has v = 0 and
+    the pressures that leakage leaves it at rest.
     """
     circuit = _circuit(p, x)
-    load = circuit.sign * load
-    w, q = _viscous(circuit, load)
+    w, q = _viscous(circuit, circuit.sign * load)
     if p.breakaway_friction > 0.0:
-        w, q = _with_dry_friction(circuit, p, load, w)
+        w, q = _with_dry_friction(circuit, p, load, w, q)
     p_d, p_r, *_ = circuit.pressures(w, q)
     return *circuit.by_chamber(p_d, p_r), np.where(circuit.moves, circuit.sign * w, 0.0)
 
 
 def force_at_rest(p: Parameters, x) -> np.ndarray:
-    """area_a p_a - area_b p_b in N with the piston held at rest: its pressure drop D solves D = p_s - p_t - kappa D^2."""
+    """area_a p_a - area_b p_b in N with the piston held at rest at the effective opening x."""
     circuit = _circuit(p, x)
-    drop = p.supply_pressure - p.tank_pressure
+    return _force_at_rest(circuit, _leakage_at_rest(circuit))
+
+
+def _leakage_at_rest(circuit: _Circuit):
+    """q at w = 0: the drop D from chamber to chamber solves D = p_s - p_t - kappa D^2."""
+    drop = circuit.supply - circuit.tank
     kappa = circuit.leakage**2 * (circuit.valve_d**-2 + circuit.valve_r**-2)
-    q = circuit.leakage * 2.0 * drop / (1.0 + np.sqrt(1.0 + 4.0 * kappa * drop))
+    return circuit.leakage * 2.0 * drop / (1.0 + np.sqrt(1.0 + 4.0 * kappa * drop))
+
+
+def _force_at_rest(circuit: _Circuit, q):
     p_d, p_r, *_ = circuit.pressures(0.0, q)
     return circuit.sign * (circuit.area_d * p_d - circuit.area_r * p_r)
 
@@ -99,7 +106,8 @@ def _viscous(circuit: _Circuit, load):
     """(w, q) with F_f = B w: the closed form, then Newton's method where the fluid leaks."""
     drive = circuit.area_d * circuit.supply - circuit.area_r * circuit.tank - load
     throttle = circuit.area_d**3 / circuit.valve_d**2 + circuit.area_r**3 / circuit.valve_r**2
-    w = 2.0 * drive / (circuit.viscous + np.sqrt(circuit.viscous**2 + 4.0 * throttle * np.abs(drive)))
+    resistance = circuit.viscous + np.sqrt(circuit.viscous**2 + 4.0 * throttle * np.abs(drive))
+    w = 2.0 * drive / np.where(resistance == 0.0, 1.0, resistance)  # without viscous friction it vanishes at the stall force
     if not circuit.leakage.any():
         return w, np.zeros_like(w)
     p_d, p_r, *_ = circuit.pressures(w, 0.0)
@@ -131,31 +139,15 @@ def _newton(circuit: _Circuit, load, w, q, friction):
     return w, q
 
 
-def _with_dry_friction(circuit: _Circuit, p: Parameters, load, w):
-    """(w, q) with the whole friction law, from the speed w without dry friction: regula falsi (Illinois), then Newton."""
-    side = np.where(w < 0.0, -1.0, 1.0)
-    dry = p._replace(viscous_friction=0.0)
-    largest = np.where(circuit.moves, p.breakaway_friction, 0.0)
-
-    def excess(f):
-        w, q = _viscous(circuit, load + side * f)
-        return np.where(circuit.moves, side * friction_force(w, dry), 0.0) - f, w, q
-
-    low, high = np.zeros_like(w), np.broadcast_to(largest, w.shape)
-    (above, *_), (under, w, q) = excess(low), excess(high)
-    kept = np.zeros_like(w)
-    for _ in range(_BRACKET_STEPS):
-        spread = above - under
-        f = np.where(spread > 0.0, (low * -under + high * above) / np.where(spread > 0.0, spread, 1.0), low)
-        value, w, q = excess(f)
-        if np.all(np.abs(value) <= 1e-13 * largest):
-            break
-        positive = value > 0.0
-        under = np.where(positive, np.where(kept > 0.0, under / 2.0, under), value)
-        above = np.where(positive, value, np.where(kept < 0.0, above / 2.0, above))
-        low, high = np.where(positive, f, low), np.where(positive, high, f)
-        kept = np.where(positive, 1.0, -1.0)
-    whole = p._replace(
-        viscous_friction=circuit.viscous, coulomb_friction=circuit.moves * p.coulomb_friction, breakaway_friction=largest
+def _with_dry_friction(circuit: _Circuit, p: Parameters, load, w, q):
+    """(w, q) with the whole friction law, from the (w, q) without dry friction; a stuck piston keeps to w = 0."""
+    at_rest = _leakage_at_rest(circuit)
+    stuck = np.abs(_force_at_rest(circuit, at_rest) - load) <= p.breakaway_friction
+    slides = circuit.moves & ~stuck
+    law = p._replace(  # where the piston is stuck, a law that Newton's method solves whatever the load
+        viscous_friction=np.where(stuck, 1.0, circuit.viscous),
+        coulomb_friction=np.where(slides, p.coulomb_friction, 0.0),
+        breakaway_friction=np.where(slides, p.breakaway_friction, 0.0),
     )
-    return _newton(circuit, load, w, q, lambda w: (friction_force(w, whole), friction_slope(w, whole)))
+    w, q = _newton(circuit, circuit.sign * load, w, q, lambda w: (friction_force(w, law), friction_slope(w, law)))
+    return np.where(stuck, 0.0, w), np.where(stuck, at_rest, q)

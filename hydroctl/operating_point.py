@@ -84,15 +84,15 @@ _REASONS = (
     "supply_pressure.",
     "the piston is stuck: the {left:g} N that pressure and load_force = {load:g} N leave at rest do not exceed breakaway_friction "
     "= {machine.breakaway_friction:g} N. Lower the load or raise supply_pressure.",
+    "Newton's method did not converge. Check that the parameters are physical.",
     "a chamber would fall below tank pressure (p_a = {p_a:.4g} Pa, p_b = {p_b:.4g} Pa, tank {machine.tank_pressure:.4g} Pa): the "
     "load drives the piston and the fluid cavitates. Lower the load or the opening.",
     "a chamber would rise above supply pressure (p_a = {p_a:.4g} Pa, p_b = {p_b:.4g} Pa, supply {machine.supply_pressure:.4g} Pa). "
     "Lower the load.",
     "the speed of {v:.3g} m/s is below twice creep_speed = {machine.creep_speed:g} m/s, where the law of dry friction stands for "
     "rest. Take a larger |x| or lower creep_speed.",
-    "Newton's method did not converge. Check that the parameters are physical.",
 )
-_OPENING, _STROKE, _OVERLAP, _CLOSED, _STALLED, _STUCK, _CAVITATION, _ABOVE_SUPPLY, _CREEPING, _NOT_CONVERGED = range(1, 11)
+_OPENING, _STROKE, _OVERLAP, _CLOSED, _STALLED, _STUCK, _NOT_CONVERGED, _CAVITATION, _ABOVE_SUPPLY, _CREEPING = range(1, 11)
 
 
 def stall_force(actuator: Actuator, x) -> np.ndarray:
@@ -107,7 +107,8 @@ def find_operating_points(actuator: Actuator, x, y, *, load_force=0.0) -> Operat
     """Equilibria at valve openings x in [-1, 1] and positions y in m; arrays broadcast (`x[:, None], y` makes a grid).
 
     `load_force` in N is added to `actuator.load_force`. x = 0.0 and x = -0.0 are the two one-sided limits at zero leakage; they
-    are flagged, because no derivative exists there. Values at a flagged point are those of the equations with signed flows.
+    are flagged, because no derivative exists there. Values at a flagged point are those of the equations with signed flows; a
+    piston that dry friction holds is flagged and at rest.
     Raises InputError for input that is not finite, OperatingPointError for a scalar call without a usable point.
     """
     x, y, load = (_finite(name, value) for name, value in (("x", x), ("y", y), ("load_force", load_force)))
@@ -167,9 +168,9 @@ def _faults(actuator: Actuator, x, y, load, p_a, p_b, v, residual) -> np.ndarray
     conditions = {
         _CLOSED: x == 0.0,
         _STALLED: np.where(np.signbit(x), load <= stall, load >= stall),
+        _NOT_CONVERGED: ~(residual <= _RESIDUAL_LIMIT),
         _CAVITATION: np.minimum(p_a, p_b) < actuator.tank_pressure - slack,
         _ABOVE_SUPPLY: np.maximum(p_a, p_b) > actuator.supply_pressure + slack,
-        _NOT_CONVERGED: ~(residual <= _RESIDUAL_LIMIT),
     }
     if actuator.breakaway_friction > 0.0:
         conditions[_STUCK] = np.abs(_force_left(actuator, x, load)) <= actuator.breakaway_friction

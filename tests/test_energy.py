@@ -55,8 +55,8 @@ def test_energy_balance_closes_to_1e_6_of_the_throughput(actuator, x):
 
     start = [0.4 * p.supply_pressure, 0.5 * p.supply_pressure, 0.0, y, *np.zeros(len(names) + 2)]
     speed = abs(x) * p.flow_coefficient_a * np.sqrt(p.supply_pressure / 2) / p.area_a
-    duration = 2.0 * travel / speed  # long enough to run into a stop
-    end = solve_ivp(rates, (0, duration), start, method="LSODA", rtol=1e-10, atol=1e-9).y[:, -1]
+    duration = 1.5 * travel / speed  # long enough to run into a stop
+    end = solve_ivp(rates, (0, duration), start, method="LSODA", rtol=1e-9, atol=1e-7).y[:, -1]
     work = dict(zip(names, end[4:], strict=False))
     compression, throughput = end[4 + len(names) :]
     kinetic = p.mass * end[2] ** 2 / 2

@@ -154,6 +154,19 @@ def test_the_speed_falls_to_zero_at_the_stall_force(x):
     np.testing.assert_allclose(speeds[-1], viscous[-1], rtol=1e-3)  # throttling takes a share of 4 T F / B^2, below 1e-3 here
 
 
+@pytest.mark.parametrize("viscous_friction", [0.0, 1e3])
+@pytest.mark.parametrize("leakage", [0.0, 1e-12])
+@pytest.mark.parametrize("breakaway_friction", [0.0, 5e3])
+def test_exactly_at_the_stall_force_the_point_is_flagged_and_finite(viscous_friction, leakage, breakaway_friction):
+    machine = DIFFERENTIAL.replace(viscous_friction=viscous_friction, leakage=leakage, stribeck_speed=0.01).replace(
+        breakaway_friction=breakaway_friction
+    )
+    points = hc.find_operating_points(machine, [-1.0, -0.1, 0.1, 1.0], 0.5, load_force=stall_force(machine, [-1.0, -1.0, 1.0, 1.0]))
+    assert not points.feasible.any()
+    assert all(np.isfinite(values).all() for values in (points.p_a, points.p_b, points.v, points.residual))
+    assert (np.abs(points.v) < 1e-2).all()
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -220,11 +233,22 @@ def test_a_stuck_piston_and_a_creeping_one_are_flagged_with_the_reason():
     machine = DIFFERENTIAL.replace(coulomb_friction=1000.0, breakaway_friction=1500.0, stribeck_speed=0.01, leakage=0.0)
     points = hc.find_operating_points(machine, 0.5, 0.5, load_force=[stall - 1400.0, stall - 1600.0, stall + 1.0])
     assert "the piston is stuck: the 1400 N" in points.reason[0]
+    assert (points.v[0], points.p_a[0], points.p_b[0]) == (0.0, machine.supply_pressure, machine.tank_pressure)
     assert points.feasible[1]
     assert "stall force" in points.reason[2]
     creeping = hc.find_operating_points(machine, [1e-4, 0.1], 0.5)
     assert "creep_speed" in creeping.reason[0]
     assert creeping.feasible[1]
+
+
+@pytest.mark.parametrize("x", [-0.3, 0.01])
+def test_a_stuck_piston_that_leaks_has_the_pressures_at_which_the_valve_feeds_the_leak(x):
+    machine = REFERENCE.replace(breakaway_friction=3e6, stribeck_speed=0.01)
+    points = hc.find_operating_points(machine, [x], 0.1)
+    assert "stuck" in points.reason[0]
+    assert points.v[0] == 0.0
+    for terms in balances(machine, x, points.p_a[0], points.p_b[0], 0.0)[:2]:
+        assert abs(sum(terms)) <= 1e-12 * max(map(abs, terms))
 
 
 def test_with_a_load_just_short_of_breakaway_the_only_equilibrium_moves():
