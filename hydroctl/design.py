@@ -25,7 +25,7 @@ from .tuning import default_nodes, tune, tune_fixed
 from .validation import ValidationReport, Verdict, validate
 from .verdicts import margin_verdicts
 
-_OPENINGS = np.array([0.02, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0])
+_BETWEEN = np.array([0.1, 0.2, 0.4, 0.6, 0.8])
 
 
 def design(
@@ -39,7 +39,7 @@ def design(
     specification = Specification() if specification is None else specification
     stage, seconds = _stopwatch()
     x, y = default_nodes(actuator)
-    openings = np.concatenate([-_OPENINGS[::-1], _OPENINGS])
+    openings = np.unique(np.concatenate([x, -_BETWEEN, _BETWEEN]))
     points = stage("operating points", lambda: find_operating_points(actuator, openings[:, None], y))
     family = stage("linearization", lambda: linearize(actuator, points))
     reduced = stage("reduction", lambda: reduce_order(family))

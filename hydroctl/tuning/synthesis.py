@@ -16,7 +16,7 @@ from ..schedule import GainSchedule, sampled_plants
 from ..specification import Specification
 from .convex import circles, largest_gains, small_gains
 
-_SMALLEST_OPENING = 0.02
+_SMALLEST_FLOW = 0.02
 _Y_NODES = 9
 _REFINEMENTS = 4
 _TOLERANCE = 1e-4
@@ -24,8 +24,12 @@ _LEAST_WINDUP_SAMPLES = 10
 
 
 def default_nodes(actuator: Actuator) -> tuple[np.ndarray, np.ndarray]:
-    """(x, y): two openings a side, from the smallest at which a linear model is used, and nine positions along the stroke."""
-    x = np.array([-1.0, -_SMALLEST_OPENING, _SMALLEST_OPENING, 1.0])
+    """(x, y): two openings a side, from the smallest at which a linear model is used, and nine positions along the stroke.
+
+    The smallest opening lets 2 % of the full flow pass; a dead band adds to it.
+    """
+    smallest = actuator.dead_band + _SMALLEST_FLOW * (1.0 - actuator.dead_band)
+    x = np.array([-1.0, -smallest, smallest, 1.0])
     return x, np.linspace(0.0, actuator.stroke, _Y_NODES)
 
 
