@@ -327,6 +327,30 @@ def test_comparison_shows_every_motion_and_its_error(run):
     assert len(styles) == 2
 
 
+def test_distributions_count_cases_without_a_value_among_all():
+    generator = np.random.default_rng(7)
+    settled = generator.uniform(0.1, 0.3, 100)
+    settled[:20] = np.nan
+    metrics = {"settling_time": settled, "peak_pressure": generator.uniform(1e7, 2e7, 100)}
+    time, pressure = plotting.distributions({"scheduled": metrics, "fixed": metrics}, ("settling_time", "peak_pressure"))
+    value, share = time.lines[0].get_data()
+    for x, y in zip(value, share, strict=True):
+        assert y == np.mean(settled <= x)
+    assert share[-1] == 0.8
+    np.testing.assert_allclose(pressure.lines[1].get_xdata(), np.sort(metrics["peak_pressure"]) / 1e5)
+    assert legend(time) == ["scheduled: 80 of 100 cases", "fixed: 80 of 100 cases"]
+    assert labels(time) == ("settling time (s)", "share of all cases (1)")
+    assert pressure.get_xlabel() == "peak pressure (bar)"
+
+
+def test_distributions_name_a_misspelt_metric_and_leave_no_empty_axes():
+    with pytest.raises(InputError, match="did you mean 'overshoot'"):
+        plotting.distributions({}, ("overshot",))
+    metrics = {name: np.linspace(0.0, 1.0, 5) for name in ("rise_time", "overshoot", "oscillation")}
+    axes = plotting.distributions({"one": metrics}, tuple(metrics))
+    assert axes[0].figure.axes == list(axes)
+
+
 def test_every_figure_of_a_design_has_a_title_and_a_unit_on_every_axis(figures):
     assert len(figures) == 10
     assert "validation-step" in figures

@@ -6,6 +6,7 @@
 Figures do not register with pyplot. In a notebook, `%matplotlib inline` shows `ax.figure`.
 """
 
+from .campaign import distributions
 from .design import design_figures
 from .family import bode, pole_zero_map, reduction_error_map, resonance_over_stroke
 from .loop import nichols, nyquist, root_locus
@@ -17,6 +18,7 @@ __all__ = [
     "bode",
     "comparison",
     "design_figures",
+    "distributions",
     "gain_surfaces",
     "margin_map",
     "nichols",

@@ -96,7 +96,10 @@ def several_axes(ax, count: int, size, *, columns: int = 1, below: float = 0.0, 
         margins = {"left": left / width, "right": 1.0 - right / width, "top": 1.0 - top / height}
         gaps = {"hspace": 0.12 if sharex else 0.35, "wspace": 0.28}
         grid = {**margins, **gaps, "bottom": (bottom + below) / height}
-        return Figure(figsize=size).subplots(rows, columns, squeeze=False, sharex=sharex, gridspec_kw=grid).reshape(-1)
+        made = Figure(figsize=size).subplots(rows, columns, squeeze=False, sharex=sharex, gridspec_kw=grid).reshape(-1)
+        for unused in made[count:]:
+            unused.remove()
+        return made[:count]
     given = np.atleast_1d(np.asarray(ax, dtype=object)).reshape(-1)
     if given.size != count:
         raise InputError(f"this figure needs {count} axes, {given.size} were given; pass as many, or none for a new figure.")
