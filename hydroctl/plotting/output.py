@@ -24,16 +24,11 @@ def save_figure(figure: Figure, directory: str | Path, name: str) -> tuple[Path,
     """
     png, svg = io.BytesIO(), io.BytesIO()
     figure.set_dpi(_PNG_DPI)
-    FigureCanvasAgg(figure).print_png(png, metadata={"Software": None, "Title": name})
+    FigureCanvasAgg(figure).print_png(png, metadata={"Software": None, "Title": name}, pil_kwargs={"compress_level": 1})
     FigureCanvasSVG(figure).print_svg(svg, metadata={"Date": None, "Creator": "hydroctl", "Title": name})
     return tuple(write_file(Path(directory) / f"{name}.{kind}", file.getvalue()) for kind, file in (("png", png), ("svg", svg)))
 
 
 def save_figures(figures: Mapping[str, Callable[[], Figure]], directory: str | Path) -> list[Path]:
-    """Draw and write the figures one after the other, as `save_figure`, and let go of each. Returns all paths."""
-    written = []
-    for name, draw in figures.items():
-        figure = draw()
-        written += save_figure(figure, directory, name)
-        figure.clear()
-    return written
+    """Draw and write the figures one after the other, as `save_figure`, keeping none. Returns all paths."""
+    return [path for name, draw in figures.items() for path in save_figure(draw(), directory, name)]

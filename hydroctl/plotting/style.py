@@ -1,7 +1,7 @@
 """One look for all figures, and the parts that several share. Nothing here changes matplotlib's settings outside a drawing call.
 
-Colours: the palette of Okabe and Ito for separate things (they differ in line style too), viridis and cividis without their
-lightest end for a quantity. All stay apart in grey print and for colour-blind readers.
+Colours: the palette of Okabe and Ito for separate things (they differ in line style too), viridis without its
+lightest end for lines and marks, cividis for areas. All stay apart in grey print and for colour-blind readers.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ STYLE = {
     "axes.labelsize": 9,
     "axes.prop_cycle": _CYCLE,
     "axes.titlesize": 10,
-    "figure.titlesize": 11,
+    "axes.titley": 1.0,
     "figure.facecolor": "white",
     "font.size": 9,
     "grid.alpha": 1.0,
@@ -106,9 +106,9 @@ def several_axes(ax, count: int, size, *, columns: int = 1, below: float = 0.0, 
     return given
 
 
-def shades(name: str = "viridis") -> Colormap:
-    """A perceptually uniform map without its lightest part, which vanishes on white paper."""
-    return ListedColormap(matplotlib.colormaps[name](np.linspace(0.0, 0.88, 256)), name=f"{name} for lines")
+def shades() -> Colormap:
+    """Viridis without its lightest part, which vanishes on white paper."""
+    return ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, 256)), name="viridis for lines")
 
 
 def coloured_lines(ax: Axes, x, curves, values, norm: Normalize) -> LineCollection:
