@@ -39,17 +39,21 @@ _SETTLED = 1e-8
 _HALVINGS = 8
 _BANDWIDTHS = np.geomspace(0.03, 1.5, 9)
 """of the state-variable filter, times the sample rate in rad/s per rad"""
+_LEAST_DAMPING = 0.1
 _SINGULAR = 1e9
 _NOISE_ORDER = 8
 _CELLS = 8
 _VISITS = 20
-_CLAIM = 0.02
+_CLAIM = 0.01
 """largest relative standard deviation of a1, a2 and b in a cell of the mask"""
 
 
 @dataclass(frozen=True)
 class Fit:
-    """100 (1 - |v - v^| / |v - mean v|) in per cent: 100 is perfect, 0 no better than the mean. NaN without a hold-out part."""
+    """100 (1 - |v - v^| / |v - mean v|) in per cent: 100 is perfect, 0 no better than the mean. NaN without a hold-out part.
+
+    Over the samples that count (see `settling` in `identify`).
+    """
 
     estimation: float
     """free run of the model over the part it was identified from"""
@@ -75,7 +79,7 @@ class Identification:
     """m/s: standard deviation of v - v^ over the estimation part"""
     fit: Fit
     masks: Mapping[str, Region]
-    """by side: the cells of (x, y) within what the record visits and in which a1, a2 and b are known to 2 % (standard deviation)"""
+    """by side: the cells of (x, y) that the record visits and in which a1, a2 and b have a standard deviation of at most 1 %"""
     restrictions: tuple[str, ...]
     iterations: int
 
@@ -99,6 +103,8 @@ class _Regression:
     sides: tuple[str, ...]
     terms: Mapping[str, np.ndarray]
     """by coefficient: (n - 1, all sides' terms)"""
+    counts: np.ndarray
+    """(n,) bool: the samples whose error counts"""
 
     @property
     def h(self) -> np.ndarray:
@@ -135,15 +141,19 @@ class _Regression:
         answer = respond(a1, a2, self.h, (b * self.x + c)[:, None], initial[:, None])[..., 0]
         return answer if np.isfinite(answer).all() else None
 
+    def cost(self, answer: np.ndarray) -> float:
+        """Sum of (v - v^)^2 over the samples that count."""
+        return float(np.sum((self.record.v - answer[:, 0])[self.counts] ** 2))
+
     def instruments(self, theta: np.ndarray, answer: np.ndarray) -> np.ndarray:
-        """(n, p + 2): z_i for every parameter, then for the initial v and v'."""
+        """(samples that count, p + 2): z_i for every parameter, then for the initial v and v'."""
         a1, a2, _, _ = self.coefficients(theta)
         v, dv = ((answer[1:] + answer[:-1]) / 2.0).T
         driving = {"a1": -dv, "a2": -v, "b": self.x, "offset": np.ones_like(v)}
         forcing = np.hstack([self.terms[name] * driving[name][:, None] for name in COEFFICIENTS] + [np.zeros((len(v), 2))])
         initial = np.zeros((2, forcing.shape[1]))
         initial[:, -2:] = np.eye(2)
-        return respond(a1, a2, self.h, forcing, initial)[:, 0]
+        return respond(a1, a2, self.h, forcing, initial)[self.counts, 0]
 
 
 def identify(
@@ -156,25 +166,30 @@ def identify(
     actuator: Actuator | None = None,
     method: Literal["srivc", "least-squares"] = "srivc",
     hold_out: float = 0.25,
+    settling: float = 0.0,
     progress: Callable[[int, float], None] | None = None,
 ) -> Identification:
     """The quasi-linear model that best answers a measured opening x with the measured speed v, each sign of x apart.
 
     t, x, v, y (n,) are a `Record` (s, -, m/s, m). The bases with volumes need the `actuator`, of which only areas and volumes
     count; y may be left out with basis "constant". The last `hold_out` (0 to 0.9) of the record is not used to identify, but to
-    check. Samples with x = 0 count to the side before them. `progress` is called with the iteration and the fit in per cent.
+    check. Samples with x = 0 belong to the side before them. After the start and after every reversal the pressures creep to those
+    of the other direction, and the gain with them, which the second order does not know: samples count only once the integral of
+    |x| dt has passed `settling` (s at full opening). `progress` is called with the iteration and the fit in per cent.
     Raises InputError for a record or arguments that cannot be used, or a record that does not determine the basis.
     """
     record = Record(t, x, v, y)
     faults = [] if method in _METHODS else [unknown_name("method", method, _METHODS)]
     if not 0.0 <= hold_out <= 0.9:
         faults.append(f"hold_out = {hold_out} must be between 0 and 0.9; it is the part of the record kept for checking.")
+    if not 0.0 <= settling < np.inf:
+        faults.append(f"settling = {settling} must be a time in s, at full opening, of at least 0.")
     if record.y is None and basis != "constant":
         faults.append(f"basis = {basis!r} needs the position y; give it, or take basis='constant'.")
     if faults:
         raise InputError(faults)
     chosen, used = Basis(basis, actuator), round((1.0 - hold_out) * len(record.t))
-    whole, part = _regression(record, chosen), _regression(_first(record, used), chosen)
+    whole, part = (_regression(_first(record, n), chosen, settling) for n in (len(record.t), used))
     if part.sides != whole.sides:
         missing = next(side for side in whole.sides if side not in part.sides)
         raise InputError(f"side {missing!r} appears only in the held-out part; lower hold_out or record more of it.")
@@ -190,7 +205,7 @@ def _first(record: Record, n: int) -> Record:
     return Record(record.t[:n], record.x[:n], record.v[:n], None if record.y is None else record.y[:n])
 
 
-def _regression(record: Record, basis: Basis) -> _Regression:
+def _regression(record: Record, basis: Basis, settling: float) -> _Regression:
     x = record.x[:-1]
     y = np.zeros_like(x) if record.y is None else (record.y[1:] + record.y[:-1]) / 2.0
     turning = np.maximum.accumulate(np.where(x != 0.0, np.arange(len(x)), -1))
@@ -202,7 +217,13 @@ def _regression(record: Record, basis: Basis) -> _Regression:
         values = basis.terms(name, opening, y)
         values = values[:, basis.separable_offset()] if name == "offset" else values
         terms[name] = np.hstack([values * (sign == SIDES[side])[:, None] for side in sides])
-    return _Regression(record, basis, sides, terms)
+    opened = np.concatenate([[0.0], np.cumsum(np.abs(x)) * record.sample_time])
+    turned = np.concatenate([[True], np.diff(sign) != 0.0, [False]])
+    counts = opened - np.maximum.accumulate(np.where(turned, opened, 0.0)) >= settling
+    if np.sum(counts) < len(x) / 10:
+        left = f"{np.sum(counts)} of {len(counts)} samples"
+        raise InputError(f"settling = {settling:g} s leaves {left}; lower it or reverse less often.")
+    return _Regression(record, basis, sides, terms, counts)
 
 
 def _labels(basis: Basis, name: str) -> list[str]:
@@ -216,16 +237,16 @@ def _solve(regressors: np.ndarray, right: np.ndarray, names: tuple[str, ...], in
     z = regressors if instruments is None else instruments
     length = np.linalg.norm(z, axis=0)
     length = np.where(length == 0.0, 1.0, length)
-    z, scaled = z / length, regressors / length
-    _, singular, weights = np.linalg.svd(z.T @ scaled)
+    normal = z.T @ regressors / np.outer(length, length)
+    _, singular, weights = np.linalg.svd(normal)
     if singular[-1] * _SINGULAR < singular[0] or not np.isfinite(singular).all():
         weakest = names[int(np.argmax(np.abs(weights[-1])))] if names else "the start"
         raise InputError(
             f"the record does not determine the basis: it says nothing about the term {weakest!r} apart from the others. "
             "Excite more of x and y, or take basis='constant'."
         )
-    inverse = np.linalg.inv(z.T @ scaled)
-    return inverse @ (z.T @ right) / length, inverse / np.outer(length, length)
+    inverse = np.linalg.inv(normal)
+    return inverse @ (z.T @ right / length) / length, inverse / np.outer(length, length)
 
 
 def _least_squares(problem: _Regression) -> tuple[np.ndarray, np.ndarray]:
@@ -235,6 +256,7 @@ def _least_squares(problem: _Regression) -> tuple[np.ndarray, np.ndarray]:
     x = (problem.x[1:] + problem.x[:-1]) / 2.0
     driving = {"a1": -first, "a2": -v[1:-1], "b": x, "offset": np.ones_like(x)}
     regressors = np.hstack([problem.terms[name][1:] * driving[name][:, None] for name in COEFFICIENTS])
+    regressors, second = regressors[problem.counts[1:-1]], second[problem.counts[1:-1]]
     theta, inverse = _solve(regressors, second, problem.names)
     variance = np.sum((second - regressors @ theta) ** 2) / (len(second) - len(theta))
     return theta, variance * inverse
@@ -252,7 +274,7 @@ def _start(problem: _Regression) -> tuple[np.ndarray, np.ndarray]:
         initial = np.array([problem.record.v[0], 0.0])
         answer = problem.simulate(theta, initial)
         if answer is not None:
-            candidates.append((np.sum((problem.record.v - answer[:, 0]) ** 2), theta, initial))
+            candidates.append((problem.cost(answer), theta, initial))
     if not candidates:
         raise InputError(
             "no stable second-order model starts the identification. Check the sign and the order of the columns, sample faster "
@@ -278,14 +300,19 @@ def _state_variable_filter(problem: _Regression, bandwidth: float) -> np.ndarray
     inputs = np.vstack([row for side in on for row in (side * problem.x, side)])
     held = _filtered(np.hstack([inputs, inputs[:, -1:]]), bandwidth, problem.record.sample_time, "zoh")[0].T
     v, dv = _filtered(problem.record.v[None], bandwidth, problem.record.sample_time, "foh")
-    second = (problem.record.v - 2.0 * bandwidth * dv[0] - bandwidth**2 * v[0])[:, None]
-    regressors = np.hstack([-dv.T, -v.T, held])
-    constants, _ = _solve(regressors, second[:, 0], ())
+    second = problem.record.v - 2.0 * bandwidth * dv[0] - bandwidth**2 * v[0]
+    regressors, second = np.hstack([-dv.T, -v.T, held])[problem.counts], second[problem.counts]
+    constants = _damped(_solve(regressors, second, ())[0])
     answer = problem.simulate(_embed(problem, constants), np.array([problem.record.v[0], 0.0]))
     if answer is None:
         return constants
     clean, slope = _filtered(answer[None, :, 0], bandwidth, problem.record.sample_time, "foh")
-    return _solve(regressors, second[:, 0], (), np.hstack([-slope.T, -clean.T, held]))[0]
+    return _damped(_solve(regressors, second, (), np.hstack([-slope.T, -clean.T, held])[problem.counts])[0])
+
+
+def _damped(constants: np.ndarray) -> np.ndarray:
+    """The same start with the damping of a stable model, where noise has turned a small one negative."""
+    return np.concatenate([[max(constants[0], _LEAST_DAMPING * np.sqrt(max(constants[1], 0.0)))], constants[1:]])
 
 
 def _filtered(signals: np.ndarray, bandwidth: float, h: float, hold: str) -> tuple[np.ndarray, np.ndarray]:
@@ -300,28 +327,29 @@ def _filtered(signals: np.ndarray, bandwidth: float, h: float, hold: str) -> tup
 
 def _refine(problem: _Regression, theta: np.ndarray, initial: np.ndarray, progress) -> tuple:
     """(theta, initial state, covariance, iterations): the iteration of the module's text, its steps halved where the fit falls."""
-    v, p, names = problem.record.v, len(theta), (*problem.names, "initial v", "initial v'")
-    unknown = np.concatenate([theta, initial])
-    answer = problem.simulate(theta, initial)
-    cost = np.sum((v - answer[:, 0]) ** 2)
+    v, p, counts = problem.record.v, len(theta), problem.counts
+    free = len(names := (*problem.names, "initial v", "initial v'")) if counts[0] else p
+    unknown, answer = np.concatenate([theta, initial]), problem.simulate(theta, initial)
     for iteration in range(1, _ITERATIONS + 1):
-        step, inverse = _solve(problem.instruments(unknown[:p], answer), v - answer[:, 0], names)
+        cost = problem.cost(answer)
+        step, inverse = _solve(problem.instruments(unknown[:p], answer)[:, :free], (v - answer[:, 0])[counts], names)
         promised = step @ np.linalg.solve(inverse, step)
-        for _ in range(_HALVINGS):
-            trial = unknown + step
+        for shorter in 0.5 ** np.arange(_HALVINGS):
+            trial = unknown.copy()
+            trial[:free] += shorter * step
             tried = problem.simulate(trial[:p], trial[p:])
-            if tried is not None and np.sum((v - tried[:, 0]) ** 2) <= cost:
-                unknown, answer, cost = trial, tried, np.sum((v - tried[:, 0]) ** 2)
+            if tried is not None and problem.cost(tried) <= cost:
                 break
-            step = step / 2.0
         else:
             break
+        unknown, answer = trial, tried
         if progress is not None:
-            progress(iteration, _percent(v, answer[:, 0]))
+            progress(iteration, _percent(v[counts], answer[counts, 0]))
         if promised <= _SETTLED * cost:
             break
-    _, inverse = _solve(problem.instruments(unknown[:p], answer), v, names)
-    return unknown[:p], unknown[p:], cost / (len(v) - len(unknown)) * inverse[:p, :p], iteration
+    _, inverse = _solve(problem.instruments(unknown[:p], answer)[:, :free], v[counts], names)
+    variance = problem.cost(answer) / (np.sum(counts) - free)
+    return unknown[:p], unknown[p:], variance * inverse[:p, :p], iteration
 
 
 def _percent(v: np.ndarray, model: np.ndarray) -> float:
@@ -332,7 +360,9 @@ def _result(whole: _Regression, part: _Regression, method: str, theta, initial, 
     v, used = whole.record.v, len(part.record.v)
     answer = whole.simulate(theta, initial)
     free_run = np.full(len(v), np.nan) if answer is None else answer[:, 0]
-    fit = Fit(_percent(v[:used], free_run[:used]), _percent(v[used:], free_run[used:]), _one_step(v, free_run, used))
+    early, late = (np.flatnonzero(whole.counts & inside) for inside in (np.arange(len(v)) < used, np.arange(len(v)) >= used))
+    ahead = _one_step(v, free_run, used)
+    fit = Fit(*(_percent(v[rows], model[rows]) for rows, model in ((early, free_run), (late, free_run), (late, ahead))))
     masks = {side: _mask(part, side, theta, covariance) for side in part.sides}
     surfaces = {}
     for side in part.sides:
@@ -341,20 +371,20 @@ def _result(whole: _Regression, part: _Regression, method: str, theta, initial, 
         values["offset"][part.basis.separable_offset()] = theta[part.rows(side, "offset")]
         surfaces[side] = Surface(values, masks[side])
     model = QuasiLinearModel(part.basis, surfaces)
-    noise = float(np.std(v[:used] - free_run[:used]))
+    noise = float(np.std((v - free_run)[early]))
     restrictions = tuple(_restrictions(part, masks))
     return Identification(model, method, theta, part.names, covariance, noise, fit, masks, restrictions, iterations)
 
 
-def _one_step(v: np.ndarray, free_run: np.ndarray, used: int) -> float:
-    """Fit in per cent of the prediction one sample ahead over the held-out part."""
+def _one_step(v: np.ndarray, free_run: np.ndarray, used: int) -> np.ndarray:
+    """(n,): prediction one sample ahead, with what the free run leaves as an autoregression found on the first `used` samples."""
     rest = v - free_run
-    if len(v) - used < 2 or not np.isfinite(rest).all():
-        return np.nan
-    past = np.lib.stride_tricks.sliding_window_view(rest, _NOISE_ORDER)[:-1]
-    known = used - _NOISE_ORDER
-    weights = np.linalg.lstsq(past[:known], rest[_NOISE_ORDER:used], rcond=None)[0]
-    return _percent(v[used:], free_run[used:] + past[known:] @ weights)
+    ahead = np.full(len(v), np.nan)
+    if np.isfinite(rest).all():
+        past = np.lib.stride_tricks.sliding_window_view(rest, _NOISE_ORDER)[:-1]
+        weights = np.linalg.lstsq(past[: used - _NOISE_ORDER], rest[_NOISE_ORDER:used], rcond=None)[0]
+        ahead[_NOISE_ORDER:] = free_run[_NOISE_ORDER:] + past @ weights
+    return ahead
 
 
 def _mask(problem: _Regression, side: str, theta: np.ndarray, covariance: np.ndarray) -> Region:

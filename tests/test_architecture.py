@@ -14,7 +14,7 @@ LAYERS = (
     ("errors",),
     ("units", "polynomials", "files", "recursion", "region"),
     ("actuator", "second_order"),
-    ("datasheet", "plant", "bases"),
+    ("datasheet", "plant", "bases", "records"),
     ("equilibrium",),
     ("operating_point",),
     ("linearization",),
