@@ -76,12 +76,11 @@ def test_its_own_model_is_recovered_from_a_record_without_noise(reference):
     made = hc.fit_surfaces(hc.reduce_order(family))
     for surface in made.surfaces.values():
         surface.coefficients["offset"][3:] = 0.0  # the terms in x^2, which b x holds too
-    rng, parts = np.random.default_rng(4), []
-    for sign in (1.0, -1.0) * 8:
-        parts.append(sign * (0.5 + 0.4 * rng.uniform(-1.0, 1.0)) * (1.0 + 0.1 * prbs(rng, 500)))
-    opening = np.concatenate(parts)
+    rng = np.random.default_rng(4)
+    levels = np.repeat(rng.uniform(0.1, 0.9, 180), 100) * (1.0 + 0.1 * prbs(rng, 18_000))
+    opening = levels * np.repeat([1.0, -1.0] * 3, 3000)
     t = np.arange(len(opening)) * TS
-    record = made.simulate(t, opening, 0.25)
+    record = made.simulate(t, opening, 0.1)
     result = hc.identify(t, opening, record.v, record.y, basis="volume", actuator=reference)
     at = np.array([-0.6, -0.3, 0.3, 0.6])
     for found, expected in zip(result.model.evaluate(at, 0.25), made.evaluate(at, 0.25), strict=True):
@@ -229,8 +228,7 @@ DATA = Path(os.environ.get("HYDROCTL_DATA", Path(__file__).parents[2] / "data"))
 
 @pytest.fixture(scope="module")
 def arm():
-    """Measured valve opening, pressure and position of a robot arm's actuator (Sjoberg et al., Automatica 31 (1995) 1691), x in units
-    of its largest opening."""
+    """Measured opening (in units of the largest), pressure and position of a robot arm (Sjoberg et al., Automatica 31 (1995))."""
     if not DATA.is_file():
         pytest.skip(f"{DATA.name} is not there; name its directory in HYDROCTL_DATA")
     table = np.genfromtxt(DATA, delimiter=",", names=True)
