@@ -31,7 +31,7 @@ from .quasi_linear import SIDES
 from .records import Record
 from .second_order import respond
 
-_ITERATIONS = 40
+MOST_ITERATIONS = 40
 _SETTLED = 1e-8
 _HALVINGS = 8
 _BANDWIDTHS = np.geomspace(0.03, 1.5, 7)
@@ -103,6 +103,7 @@ class Regression:
 
 
 def regression(record: Record, basis: Basis, settling: float) -> Regression:
+    """The problem of a record; x = 0 belongs to the side before it. InputError where too few samples count."""
     x = record.x[:-1]
     y = np.zeros_like(x) if record.y is None else (record.y[1:] + record.y[:-1]) / 2.0
     turning = np.maximum.accumulate(np.where(x != 0.0, np.arange(len(x)), -1))
@@ -174,8 +175,8 @@ def start(problem: Regression) -> tuple[np.ndarray, np.ndarray]:
             candidates.append((problem.cost(answer), theta, initial))
     if not candidates:
         raise InputError(
-            "no stable second-order model starts the identification. Check the sign and the order of the columns, sample faster "
-            "than ten times a period of the natural frequency, or excite x more."
+            "no second-order model with a positive a2 starts the identification. Check the order of the columns, take at least ten "
+            "samples for each period of the natural frequency, or excite x more."
         )
     return min(candidates, key=lambda candidate: candidate[0])[1:]
 
@@ -227,7 +228,7 @@ def refine(problem: Regression, theta: np.ndarray, initial: np.ndarray, progress
     names = (*problem.names, "initial v", "initial v'")
     free = len(names) if counts[0] else p
     unknown, answer = np.concatenate([theta, initial]), problem.simulate(theta, initial)
-    for iteration in range(1, _ITERATIONS + 1):
+    for iteration in range(1, MOST_ITERATIONS + 1):
         cost = problem.cost(answer)
         step, inverse = _solve(problem.instruments(unknown[:p], answer)[:, :free], (v - answer[:, 0])[counts], names)
         promised = step @ np.linalg.solve(inverse, step)
@@ -250,4 +251,5 @@ def refine(problem: Regression, theta: np.ndarray, initial: np.ndarray, progress
 
 
 def fit_in_per_cent(v: np.ndarray, model: np.ndarray) -> float:
+    """100 (1 - |v - model| / |v - mean v|); NaN for less than two samples."""
     return float(100.0 * (1.0 - np.linalg.norm(v - model) / np.linalg.norm(v - v.mean()))) if len(v) > 1 else np.nan

@@ -15,7 +15,7 @@ import numpy as np
 from .actuator import Actuator
 from .bases import COEFFICIENTS, Basis
 from .errors import InputError, unknown_name
-from .estimation import Regression, fit_in_per_cent, least_squares, refine, regression, start
+from .estimation import MOST_ITERATIONS, Regression, fit_in_per_cent, least_squares, refine, regression, start
 from .quasi_linear import SIDES, QuasiLinearModel, Surface
 from .records import Record
 from .region import Region
@@ -139,7 +139,7 @@ def _result(whole: Regression, part: Regression, method: str, theta, initial, co
         surfaces[side] = Surface(values, masks[side])
     model = QuasiLinearModel(part.basis, surfaces)
     noise = float(np.std((v - free_run)[early]))
-    restrictions = tuple(_restrictions(part, masks))
+    restrictions = tuple(_restrictions(part, masks, iterations))
     return Identification(model, method, theta, part.names, covariance, noise, fit, masks, restrictions, iterations)
 
 
@@ -178,7 +178,7 @@ def _edges(values: np.ndarray) -> np.ndarray:
     return np.linspace(low, high, _CELLS + 1) if high > low else low + 1e-9 * np.array([-1.0, 1.0])
 
 
-def _restrictions(problem: Regression, masks: Mapping[str, Region]):
+def _restrictions(problem: Regression, masks: Mapping[str, Region], iterations: int) -> Iterator[str]:
     for side in SIDES:
         if side not in problem.sides:
             yield f"the record has no x {'<' if side == '-' else '>'} 0: the model says nothing about that side."
@@ -188,5 +188,7 @@ def _restrictions(problem: Regression, masks: Mapping[str, Region]):
             yield f"side {side!r}: no cell of (x, y) is known to {_CLAIM:.0%}; record longer, excite more, or take a smaller basis."
         elif unknown:
             yield f"side {side!r}: {unknown} of {mask.covered.size} cells of (x, y) are not excited enough to be known."
+    if iterations == MOST_ITERATIONS:
+        yield f"the iteration has not settled after {iterations} steps: the coefficients may still change. Take a smaller basis."
     if problem.record.y is None:
         yield "y was not given: the model is that of the positions at which the record was taken."

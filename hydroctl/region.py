@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .errors import InputError
+
 _SLACK = 1e-9
 
 
@@ -49,7 +51,7 @@ class Region:
         return inside
 
     def clip(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(x, y) brought between the outermost edges of covered cells."""
+        """(x, y) brought between the outermost edges of covered cells; InputError where there are none."""
         (left, right), (low, high) = self._bounds()
         return np.clip(x, left, right), np.clip(y, low, high)
 
@@ -59,6 +61,8 @@ class Region:
         return np.repeat(x, 2), np.tile(y, 2)
 
     def _bounds(self):
+        if not self.covered.any():
+            raise InputError("the model is not known in any cell of (x, y); fit more points, or record longer and excite more.")
         i, j = np.nonzero(self.covered)
         return (self.x[i.min()], self.x[i.max() + 1]), (self.y[j.min()], self.y[j.max() + 1])
 
