@@ -175,7 +175,7 @@ def test_a_record_too_noisy_for_any_claim_is_not_evaluated(local_record):
     noisy = v + 2.0 * v.std() * np.random.default_rng(9).normal(size=len(v))
     result = hc.identify(t, x, noisy, y, basis="constant")
     assert "no cell of (x, y) is known to 1%" in result.restrictions[-1]
-    with pytest.raises(hc.InputError, match="outside the region of the fit .*empty"):
+    with pytest.raises(hc.InputError, match=r"outside the region of the fit .*empty"):
         result.model.evaluate(0.1, 0.12)
     with pytest.raises(hc.InputError, match="not known in any cell"):
         result.model.nearest(0.1, 0.12)
