@@ -21,7 +21,7 @@ from .schedule import GainSchedule
 from .specification import Specification
 from .summary import summarize, to_dict
 from .surfaces import PoorFitWarning, fit_surfaces
-from .tuning import default_nodes, tune, tune_fixed
+from .tuning import default_points, tune, tune_fixed
 from .validation import ValidationReport, Verdict, validate
 from .verdicts import margin_verdicts
 
@@ -38,7 +38,7 @@ def design(
     """
     specification = Specification() if specification is None else specification
     stage, seconds = _stopwatch()
-    x, y = default_nodes(actuator)
+    x, y = default_points(actuator)
     openings = np.unique(np.concatenate([x, -_BETWEEN, _BETWEEN]))
     points = stage("operating points", lambda: find_operating_points(actuator, openings[:, None], y))
     family = stage("linearization", lambda: linearize(actuator, points))

@@ -23,7 +23,7 @@ _ARRAYS = ("transition", "entry", "eigenvalues", "residues", "resonance")
 LOOPS = ("velocity", "position")
 _PRESSURE_SCALE = 1e6
 _WORST_CONDITION = 1e9
-_LOWEST_FREQUENCY = 1e-5
+_LOWEST_FREQUENCY = 1e-4
 """of the Nyquist frequency"""
 
 
@@ -158,8 +158,8 @@ def _resonance(family: LinearFamily) -> np.ndarray:
     return np.stack([natural, -pair.sum(axis=-1).real / (2.0 * natural)], axis=-1)
 
 
-def frequency_grid(plant: SampledFamily, *, points: int = 160, around_resonance: int = 60) -> np.ndarray:
-    """(..., n) rad/s, ascending, from 1e-5 of the Nyquist frequency to it: logarithmic, plus dense around each resonance."""
+def frequency_grid(plant: SampledFamily, *, points: int = 120, around_resonance: int = 50) -> np.ndarray:
+    """(..., n) rad/s, ascending, from 1e-4 of the Nyquist frequency to it: logarithmic, plus dense around each resonance."""
     nyquist = np.pi / plant.sample_time
     coarse = np.geomspace(_LOWEST_FREQUENCY * nyquist, nyquist, points)
     natural, damping = (plant.resonance[..., i, None] for i in range(2))

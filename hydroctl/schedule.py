@@ -88,19 +88,10 @@ class GainSchedule:
 
     def gains(self, x, y) -> Regulators:
         """The regulators that act at x and y (arrays broadcast): bilinear, clipped, sides of x apart."""
-        x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
-        row, along_x = _locate_sided(self.x, x)
-        column, along_y = _locate(self.y, y)
-
-        def interpolate(table):
-            table = np.asarray(table)
-            next_row, next_column = np.minimum(row + 1, len(self.x) - 1), np.minimum(column + 1, len(self.y) - 1)
-            near = table[row, column] * (1.0 - along_y) + table[row, next_column] * along_y
-            far = table[next_row, column] * (1.0 - along_y) + table[next_row, next_column] * along_y
-            return near * (1.0 - along_x) + far * along_x
-
+        index, weight = interpolation(self.x, self.y, x, y)
         tables = (self.kp, self.ki, self.kd, self.notch_frequency)
-        return Regulators(self.Ts, *(interpolate(table) for table in tables), self.Tf, self.zz, self.zp)
+        values = ((np.ravel(table)[index] * weight).sum(axis=-1) for table in tables)
+        return Regulators(self.Ts, *values, self.Tf, self.zz, self.zp)
 
     @cached_property
     def margins(self) -> ScheduleMargins:
@@ -198,6 +189,21 @@ def load_schedule(path: str | Path) -> GainSchedule:
         return _from_document(document)
     except InputError as error:
         raise InputError(f"{path}: {fault}" for fault in error.faults) from None
+
+
+def interpolation(x_nodes: np.ndarray, y_nodes: np.ndarray, x, y):
+    """(index, weight), each (..., 4): which entries of a raveled table (nx, ny) make up the value at x and y (broadcast).
+
+    Bilinear and clipped. x >= 0 uses the nodes x > 0 and x < 0 the nodes x < 0; where a side has no nodes, all of them.
+    """
+    x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
+    row, along_x = _locate_sided(x_nodes, x)
+    column, along_y = _locate(y_nodes, y)
+    next_row, next_column = np.minimum(row + 1, len(x_nodes) - 1), np.minimum(column + 1, len(y_nodes) - 1)
+    corners = ((row, column), (row, next_column), (next_row, column), (next_row, next_column))
+    index = np.stack([i * len(y_nodes) + j for i, j in corners], axis=-1)
+    along = ((1.0 - along_x, 1.0 - along_y), (1.0 - along_x, along_y), (along_x, 1.0 - along_y), (along_x, along_y))
+    return index, np.stack([a * b for a, b in along], axis=-1)
 
 
 def _locate(nodes: np.ndarray, value: np.ndarray):

@@ -22,7 +22,7 @@ import numpy as np
 
 import hydroctl as hc
 from hydroctl import plotting
-from hydroctl.tuning import default_nodes
+from hydroctl.tuning import default_points
 
 # %matplotlib inline
 
@@ -70,7 +70,7 @@ plotting.reduction_error_map(reduced).figure
 
 # %%
 specification = hc.Specification(sample_time=1e-3, delay_samples=1, Ms=1.6, Mt=1.3, uncertainty="corners")
-schedule = hc.tune(actuator, *default_nodes(actuator), loop="velocity", structure="pi", specification=specification)
+schedule = hc.tune(actuator, *default_points(actuator), loop="velocity", structure="pi", specification=specification)
 plotting.gain_surfaces(schedule)[0].figure
 
 # %%

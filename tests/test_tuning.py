@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import sparse
 
 import hydroctl as hc
 from hydroctl.margins import Loop, analyse
 from hydroctl.schedule import check_margins, sampled_plants
 from hydroctl.tuning.convex import circles, largest_gains, small_gains
+from hydroctl.tuning.nodes import choose_nodes, mixing_matrix
 
 NOMINAL = hc.Specification(uncertainty="nominal", notch_damping=(0.2, 0.7))
 STUDY = [
@@ -91,8 +93,38 @@ def test_a_pure_delay_under_integral_action_reaches_the_gain_found_by_hand():
         k = (low + high) / 2
         low, high = (k, high) if np.abs(1 + k * phi).min() >= 1 / 1.6 else (low, k)
     limits = [(-1.0, 1 / 1.6)]
-    found = largest_gains(phi, small_gains(phi, limits, first=0), 0, limits)
+    found = largest_gains(phi, sparse.eye_array(1, format="csr"), small_gains(phi, limits, first=0), 0, np.ones(1), limits)
     assert found[0, 0] == pytest.approx(low, rel=1e-3)
+
+
+def test_interpolated_gains_hold_at_every_design_point_and_cost_at_most_two_hundredths(reference):
+    """The asymmetric share of the stroke needs more nodes near its ends; between them the limits hold by construction."""
+    x, y = np.array([-1.0, -0.3, -0.02, 0.02, 0.3, 1.0]), np.linspace(0.0, 0.5, 17)
+    schedule = hc.tune(reference, x, y)
+    assert schedule.ki.size < x.size * y.size / 2
+    assert schedule.margins.worst("Ms", where=schedule.margins.designed).value <= 1.6 * 1.0005
+    assert schedule.margins.worst("Ms").value <= 1.605
+    alone = hc.tune(reference, [0.3], [y[3]])
+    assert schedule.gains(0.3, y[3]).ki >= 0.98 * alone.ki.item()
+
+
+def test_nodes_are_the_fewest_from_which_a_surface_interpolates():
+    x, y = np.array([-1.0, -0.5, -0.1, 0.1, 0.5, 1.0]), np.linspace(0.0, 1.0, 9)
+    plane = 3.0 + np.abs(x)[:, None] + y
+    rows, columns = choose_nodes(x, y, plane)
+    np.testing.assert_array_equal(x[rows], [-1.0, -0.1, 0.1, 1.0])
+    np.testing.assert_array_equal(y[columns], [0.0, 1.0])
+    bent = plane + 0.5 * (y >= 0.5)
+    assert {3, 4} <= set(choose_nodes(x, y, bent)[1])
+    jump = plane + (x > 0.0)[:, None]
+    assert len(choose_nodes(x, y, jump)[0]) == 4, "the sides of x are apart"
+
+
+def test_the_mixing_matrix_is_the_lookup(reference):
+    schedule = hc.tune(reference, [-1.0, -0.1, 0.1, 1.0], [0.0, 0.2, 0.5])
+    x, y = np.array([-0.7, -0.01, 0.04, 0.5]), np.array([0.05, 0.3])
+    mixed = mixing_matrix(schedule.x, schedule.y, x, y) @ schedule.ki.ravel()
+    np.testing.assert_allclose(mixed, schedule.gains(x[:, None], y).ki.ravel(), rtol=1e-14)
 
 
 def test_zero_is_no_node(reference):

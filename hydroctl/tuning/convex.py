@@ -12,7 +12,13 @@ a small stable gain: the loop stays stable, which the poles of the sampled close
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
 import numpy as np
+
+if TYPE_CHECKING:
+    from scipy import sparse
 
 _ITERATIONS = 30
 _CONVERGED = 1e-4
@@ -21,6 +27,7 @@ _HALVINGS = 40
 _CEILING = 1e3
 _ROW_TOLERANCE = 1e-7
 _SLACK = 0.1
+_KEPT_ROWS = 200
 
 
 def circles(Ms: float, Mt: float) -> list[tuple[float, float]]:
@@ -42,28 +49,37 @@ def small_gains(phi: np.ndarray, limits: list[tuple[float, float]], *, first: in
     return gains
 
 
-def largest_gains(phi: np.ndarray, gains: np.ndarray, objective: int, limits: list[tuple[float, float]]) -> np.ndarray:
-    """Gains g >= 0 (N, t) that maximize g[:, objective] with L = phi @ g outside all circles, for N designs at once.
+def largest_gains(phi: np.ndarray, mix, start: np.ndarray, objective: int, worth: np.ndarray, limits) -> np.ndarray:
+    """Gains g >= 0 (N, t) that maximize worth @ (mix @ g)[:, objective] with L = phi @ (mix @ g) outside all circles.
 
-    `phi` (N, rows, t) complex: the contribution of each gain to the loop gain at each frequency of each model; `gains` (N, t):
-    where to start.
+    `phi` (M, rows, t) complex: the contribution of each gain to the loop gain at each frequency of each model, at M points;
+    `mix` (M, N) sparse: how the gains at the points follow from those at the nodes (the identity where each point is a node, a
+    column of ones for one fixed regulator); `start` (N, t).
     """
-    gains = gains.copy()
-    column = np.median(np.abs(phi), axis=1)
-    ceiling = _CEILING * column / np.abs(phi).min(axis=1)
-    scaled = phi / column[:, None, :]
-    working = np.zeros((phi.shape[0], len(limits) * phi.shape[1]), dtype=bool)
-    active = np.arange(phi.shape[0])
+    gains = start
+    column = (mix.T @ np.median(np.abs(phi), axis=1)) / (mix.T @ np.ones((len(phi), 1)))
+    local = mix @ column
+    ceiling = _CEILING * np.min(mix.T @ (np.abs(phi).max(axis=1) / np.abs(phi).min(axis=1)), axis=0) * np.ones_like(gains)
+    working = np.zeros((len(phi), len(limits) * phi.shape[1]), dtype=bool)
     for _ in range(_ITERATIONS):
-        rows, bounds = _half_planes(scaled[active], _loop_gain(phi[active], gains[active]), limits)
-        improved, working[active] = _linear_programs(rows, bounds, objective, ceiling[active], working[active])
-        improved /= column[active]
-        change = np.abs(improved[:, objective] - gains[active, objective])
-        gains[active] = improved
-        active = active[change > _CONVERGED * improved[:, objective]]
-        if active.size == 0:
+        present = mix @ gains
+        rows, bounds = _half_planes(phi / local[:, None, :], _loop_gain(phi, present), limits)
+        program = _Program(rows * local[:, None, :], bounds, mix, column, ceiling)
+        gains, working = program.solve(mix.T @ worth, objective, working)
+        before, after = present[:, objective], (mix @ gains)[:, objective]
+        if np.all(np.abs(after - before) <= _CONVERGED * after):
             break
     return gains
+
+
+def tightest(phi: np.ndarray, gains: np.ndarray, limits) -> np.ndarray:
+    """(M, kept, t): of each point's rows those whose L comes nearest to a circle with `gains` (M, t)."""
+    if phi.shape[1] <= _KEPT_ROWS:
+        return phi
+    L = _loop_gain(phi, gains)
+    distance = np.min([np.abs(L - centre) - radius for centre, radius in limits], axis=0)
+    kept = np.argpartition(distance, _KEPT_ROWS, axis=1)[:, :_KEPT_ROWS]
+    return np.take_along_axis(phi, np.sort(kept, axis=1)[:, :, None], axis=1)
 
 
 def _loop_gain(phi, gains):
@@ -83,33 +99,49 @@ def _half_planes(phi, present, limits):
     return rows / scale[:, :, None], bounds / scale
 
 
-def _linear_programs(rows, bounds, objective: int, ceiling, working):
-    """(g, working): for each design max g[objective] with rows @ g <= bounds and 0 <= g <= ceiling.
+@dataclass(frozen=True)
+class _Program:
+    """rows[m, r] @ (mix @ g)[m] <= bounds[m, r] and g >= 0, in the variables g * column of size one, each below `ceiling`."""
 
-    Of thousands of rows only a handful binds: violated rows join the working set (N, rows) until none is left; those far from
-    binding then leave it. The designs are the blocks of one sparse program.
-    """
-    from scipy.optimize import linprog
-    from scipy.sparse import csr_array
+    rows: np.ndarray
+    bounds: np.ndarray
+    mix: sparse.csr_array
+    column: np.ndarray
+    ceiling: np.ndarray
 
-    designs, _, terms = rows.shape
-    cost = np.zeros((designs, terms))
-    cost[:, objective] = -1.0
-    box = np.stack([np.zeros(designs * terms), ceiling.ravel()], axis=-1)
-    while True:
-        design, row = np.nonzero(working)
-        columns = design[:, None] * terms + np.arange(terms)
-        starts = np.arange(design.size + 1) * terms
-        A = csr_array((rows[design, row].ravel(), columns.ravel(), starts), shape=(design.size, designs * terms))
-        solved = linprog(cost.ravel(), A_ub=A, b_ub=bounds[design, row], bounds=box, method="highs")
-        if solved.x is None:
-            raise RuntimeError(f"the linear program of the tuner failed: {solved.message}")
-        gains = solved.x.reshape(designs, terms)
-        excess = (rows @ gains[:, :, None])[:, :, 0] - bounds
-        violated = _peaks(np.where(working, 0.0, excess)) & (excess > _ROW_TOLERANCE)
-        if not (violated & ~working).any():
-            return gains, working & (excess > -_SLACK)
-        working = working | violated
+    def solve(self, worth: np.ndarray, objective: int, working: np.ndarray):
+        """(g, working): the largest worth @ g[:, objective].
+
+        Of thousands of rows only a handful binds: violated rows join the working set (M, rows) until none is left; those far
+        from binding then leave it.
+        """
+        from scipy.optimize import linprog
+
+        cost = np.zeros(self.column.shape)
+        cost[:, objective] = -worth / self.column[:, objective]
+        cost /= np.abs(cost).max()
+        box = np.stack([np.zeros(cost.size), self.ceiling.T.ravel()], axis=-1)
+        while True:
+            solved = linprog(cost.T.ravel(), A_ub=self._matrix(working), b_ub=self.bounds[working], bounds=box, method="highs")
+            if solved.x is None:
+                raise RuntimeError(f"the linear program of the tuner failed: {solved.message}")
+            gains = solved.x.reshape(cost.T.shape).T / self.column
+            excess = (self.rows @ (self.mix @ gains)[:, :, None])[:, :, 0] - self.bounds
+            violated = _peaks(np.where(working, 0.0, excess)) & (excess > _ROW_TOLERANCE)
+            if not (violated & ~working).any():
+                return gains, working & (excess > -_SLACK)
+            working = working | violated
+
+    def _matrix(self, working):
+        from scipy import sparse
+
+        point, row = np.nonzero(working)
+        mix = self.mix[point]
+        blocks = [
+            sparse.diags_array(self.rows[point, row, t]) @ mix @ sparse.diags_array(1.0 / self.column[:, t])
+            for t in range(self.rows.shape[2])
+        ]
+        return sparse.hstack(blocks, format="csr")
 
 
 def _peaks(values) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,38 +14,57 @@ from ..operating_point import find_operating_points
 from ..regulators import GAINS, STRUCTURES, Regulators, require_structure
 from ..schedule import GainSchedule, sampled_plants
 from ..specification import Specification
-from .convex import circles, largest_gains, small_gains
+from .convex import circles, largest_gains, small_gains, tightest
+from .nodes import candidates, choose_nodes, mixing_matrix
 
 _SMALLEST_FLOW = 0.02
-_Y_NODES = 9
-_REFINEMENTS = 4
+_OPENINGS = np.array([_SMALLEST_FLOW, 0.06, 0.15, 0.4, 1.0])
+_POSITIONS = 25
+_REFINEMENTS = 6
 _TOLERANCE = 1e-4
 _LEAST_WINDUP_SAMPLES = 10
 
 
-def default_nodes(actuator: Actuator) -> tuple[np.ndarray, np.ndarray]:
-    """(x, y): two openings a side, from the smallest at which a linear model is used, and nine positions along the stroke.
+def default_points(actuator: Actuator) -> tuple[np.ndarray, np.ndarray]:
+    """(x, y) design points: five openings a side, from the smallest at which a linear model is used, and twenty-five positions,
+    closer together towards the ends of the stroke, where the volumes change most.
 
     The smallest opening lets 2 % of the full flow pass; a dead band adds to it.
     """
-    smallest = actuator.dead_band + _SMALLEST_FLOW * (1.0 - actuator.dead_band)
-    x = np.array([-1.0, -smallest, smallest, 1.0])
-    return x, np.linspace(0.0, actuator.stroke, _Y_NODES)
+    openings = actuator.dead_band + _OPENINGS * (1.0 - actuator.dead_band)
+    angle = np.linspace(0.0, np.pi, _POSITIONS)
+    return np.concatenate([-openings[::-1], openings]), actuator.stroke * (1.0 - np.cos(angle)) / 2.0
 
 
 def tune(
     actuator: Actuator, x, y, *, loop: str = "velocity", structure: str = "pi", specification: Specification | None = None
 ) -> GainSchedule:
-    """The gain schedule with nodes x (nx,) and y (ny,) in m whose every regulator has the largest integral gain (for "p" the
-    largest kp) that keeps Ms and Mt on all plants of the specification.
+    """The gain schedule that keeps Ms and Mt at all points x (nx,) by y (ny,) in m, on all plants of the specification.
 
-    x must not hold 0 (see `GainSchedule`). Raises InputError for nodes that no linear model can describe, InfeasibleError
+    Each point on its own would allow a largest integral gain (for "p" a largest kp). The nodes are the fewest of the points (of
+    every second one, where there are many) between which these gains interpolate to 1 %; the gains at the nodes are then found
+    together, so that the interpolated ones keep the limits at every point.
+
+    x must not hold 0 (see `GainSchedule`). Raises InputError for points that no linear model can describe, InfeasibleError
     where no gain meets the limits.
     """
-    specification = Specification() if specification is None else specification
-    x, y, plants = _design_plants(actuator, x, y, loop, structure, specification)
-    regulators = _synthesize(plants, plants.resonance[0, ..., 0], structure, loop, specification, lambda i, j: (x[i], y[j]))
-    return _schedule(actuator, specification, loop, structure, (x, y), (x, y), regulators)
+    task = _task(actuator, x, y, loop, structure, specification)
+    rows, columns = candidates(task.x, task.y)
+    coarse = task.part(rows, columns)
+    every = mixing_matrix(coarse.x, coarse.y, coarse.x, coarse.y)
+    alone = _synthesize(coarse, coarse.natural, every, _small_gains(coarse, coarse.natural), rounds=1)
+    best = alone[:, task.objective].reshape(coarse.natural.shape)
+    rows, columns = choose_nodes(coarse.x, coarse.y, best)
+    nodes, natural = (coarse.x[rows], coarse.y[columns]), coarse.natural[np.ix_(rows, columns)]
+    if natural.size == task.natural.size:
+        return _schedule(task, nodes, natural, _synthesize(task, natural, every, alone))
+    mix = mixing_matrix(*nodes, task.x, task.y)
+    notch_frequency = (mix @ natural.ravel()).reshape(task.natural.shape)
+    small = _small_gains(task, notch_frequency)
+    start = np.array([small[column.nonzero()[0]].min(axis=0) for column in mix.toarray().T])
+    worth = 1.0 / (mixing_matrix(coarse.x, coarse.y, task.x, task.y) @ best.ravel())
+    gains = _synthesize(task, notch_frequency, mix, start, worth)
+    return _schedule(task, nodes, natural, gains)
 
 
 def tune_fixed(
@@ -56,91 +75,135 @@ def tune_fixed(
     This is the robust constant regulator of the source paper's section 5; its notch stands at the middle of the nominal
     plant's natural frequencies. Arguments and errors as in `tune`.
     """
+    task = _task(actuator, x, y, loop, structure, specification)
+    middle = np.sqrt(task.natural.min() * task.natural.max())
+    notch_frequency = np.full(task.natural.shape, middle)
+    start = _small_gains(task, notch_frequency).min(axis=0, keepdims=True)
+    gains = _synthesize(task, notch_frequency, mixing_matrix(task.x[-1:], task.y[-1:], task.x, task.y), start)
+    return _schedule(task, (task.x[-1:], task.y[[len(task.y) // 2]]), np.array([[middle]]), gains)
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """What is to be tuned: the sampled plants (variants, nx, ny) at the points x by y, and for what."""
+
+    actuator: Actuator
+    specification: Specification
+    loop: str
+    structure: str
+    x: np.ndarray
+    y: np.ndarray
+    plants: SampledFamily
+
+    def part(self, rows, columns) -> _Task:
+        """The same task at some of the points."""
+        flat = np.ravel_multi_index(np.ix_(range(self.plants.shape[0]), rows, columns), self.plants.shape)
+        plants = self.plants.take(flat.ravel()).reshape(*flat.shape)
+        return replace(self, x=self.x[rows], y=self.y[columns], plants=plants)
+
+    @property
+    def natural(self) -> np.ndarray:
+        """(nx, ny) natural frequencies of the nominal plant, rad/s."""
+        return self.plants.resonance[0, ..., 0]
+
+    @property
+    def used(self) -> list[int]:
+        """Which of kp, ki, kd the structure uses."""
+        return [GAINS.index(name) for name in STRUCTURES[self.structure]]
+
+    @property
+    def objective(self) -> int:
+        """The gain to maximize, among those used: ki, or kp where there is no ki."""
+        return min(1, len(self.used) - 1)
+
+    def regulators(self, gains: np.ndarray, notch_frequency: np.ndarray) -> Regulators:
+        """Regulators of the shape of `notch_frequency` with gains (N, t)."""
+        table = np.zeros((len(GAINS), *notch_frequency.shape))
+        table[self.used] = gains.T.reshape(-1, *notch_frequency.shape)
+        zz, zp = self.specification.notch_damping if "notch" in self.structure else (1.0, 1.0)
+        return Regulators(self.specification.sample_time, *table, notch_frequency, self.specification.Tf, zz, zp)
+
+    def terms(self, notch_frequency: np.ndarray, omega: np.ndarray) -> np.ndarray:
+        """(points, variants * n, t): what each gain contributes to the loop gain at omega (variants, nx, ny, n)."""
+        notch = self.regulators(np.zeros((notch_frequency.size, len(self.used))), notch_frequency)
+        terms = (notch.terms(omega) * self.plants.frequency_response(omega)[..., None])[..., self.used]
+        variants, nx, ny, n, gains = terms.shape
+        return terms.transpose(1, 2, 0, 3, 4).reshape(nx * ny, variants * n, gains)
+
+
+def _task(actuator: Actuator, x, y, loop: str, structure: str, specification: Specification | None) -> _Task:
     specification = Specification() if specification is None else specification
-    x, y, plants = _design_plants(actuator, x, y, loop, structure, specification)
-    natural = plants.resonance[0, ..., 0]
-    middle = np.array([[np.sqrt(natural.min() * natural.max())]])
-    every = plants.reshape(-1, 1, 1)
-    regulators = _synthesize(every, middle, structure, loop, specification, lambda i, j: (x[-1], y[len(y) // 2]))
-    return _schedule(actuator, specification, loop, structure, (x[-1:], y[len(y) // 2][None]), (x, y), regulators)
-
-
-def _design_plants(actuator: Actuator, x, y, loop: str, structure: str, specification: Specification):
     require_structure(structure)
-    x, y = _nodes("x", x), _nodes("y", y)
+    x, y = _points("x", x), _points("y", y)
     if (x == 0.0).any():
         raise InputError("x = 0 cannot be a node, because the plant has no derivative there; use a small opening of either sign.")
-    return x, y, sampled_plants(actuator, x, y, loop, specification)[1]
+    _, plants = sampled_plants(actuator, x, y, loop, specification)
+    return _Task(actuator, specification, loop, structure, x, y, plants)
 
 
-def _schedule(actuator, specification, loop: str, structure: str, nodes, points, regulators: Regulators) -> GainSchedule:
+def _points(name: str, values) -> np.ndarray:
+    points = np.atleast_1d(np.asarray(values, dtype=float))
+    if points.ndim != 1 or not np.isfinite(points).all() or (np.diff(points) <= 0.0).any():
+        raise InputError(f"{name} nodes = {values!r} must be one ascending row of finite numbers.")
+    return points
+
+
+def _small_gains(task: _Task, notch_frequency: np.ndarray) -> np.ndarray:
+    """(points, t): small gains from which the tuner may start. InfeasibleError names the first point without any."""
+    limits = circles(task.specification.Ms, task.specification.Mt)
+    phi = task.terms(notch_frequency, frequency_grid(task.plants))
+    gains = small_gains(phi, limits, first=task.objective if task.loop == "velocity" else 0)
+    if (failed := np.isnan(gains).any(axis=1)).any():
+        i, j = np.unravel_index(np.argmax(failed), notch_frequency.shape)
+        raise InfeasibleError(
+            f"x={task.x[i]:g}, y={task.y[j]:g} m: no gain, however small, keeps Ms <= {task.specification.Ms:g} and "
+            f"Mt <= {task.specification.Mt:g}. Raise a limit or shorten the delay."
+        )
+    return gains
+
+
+def _synthesize(task: _Task, notch_frequency, mix, gains, worth=None, *, rounds: int = _REFINEMENTS) -> np.ndarray:
+    """Gains (N, t) at the nodes of `mix` (points, N) that hold at all points, from `gains`; `worth` (points,) weighs them.
+
+    The tuner sees a grid of frequencies. The refined peaks of |S| and |T| of its result join that grid until none is above its
+    limit, or `rounds` have passed.
+    """
+    specification = task.specification
+    limits = circles(specification.Ms, specification.Mt)
+    phi = task.terms(notch_frequency, frequency_grid(task.plants))
+    worth = np.ones(len(phi)) if worth is None else worth
+    for _ in range(rounds):
+        gains = largest_gains(phi, mix, gains, task.objective, worth, limits)
+        regulators = task.regulators(mix @ gains, notch_frequency).broadcast_to(task.plants.shape)
+        (Ms, at_Ms), (Mt, at_Mt) = peaks(Loop(task.plants, regulators))
+        if Ms.max() <= specification.Ms * (1.0 + _TOLERANCE) and Mt.max() <= specification.Mt * (1.0 + _TOLERANCE):
+            break
+        phi = tightest(phi, mix @ gains, limits)
+        phi = np.concatenate([phi, task.terms(notch_frequency, np.stack([at_Ms, at_Mt], axis=-1))], axis=1)
+    return gains
+
+
+def _schedule(task: _Task, nodes, notch_frequency: np.ndarray, gains: np.ndarray) -> GainSchedule:
+    regulators = task.regulators(gains, notch_frequency)
     return GainSchedule(
-        actuator=actuator,
-        specification=specification,
-        loop=loop,
-        structure=structure,
+        actuator=task.actuator,
+        specification=task.specification,
+        loop=task.loop,
+        structure=task.structure,
         x=nodes[0],
         y=nodes[1],
-        design_x=points[0],
-        design_y=points[1],
+        design_x=task.x,
+        design_y=task.y,
         kp=regulators.kp,
         ki=regulators.ki,
         kd=regulators.kd,
-        notch_frequency=regulators.notch_frequency,
+        notch_frequency=notch_frequency,
         zz=regulators.zz,
         zp=regulators.zp,
-        Tt=_anti_windup_time(regulators.kp, regulators.ki, specification.sample_time),
-        feed_forward=loop == "position",
-        **_speed_gains(actuator),
+        Tt=_anti_windup_time(regulators.kp, regulators.ki, task.specification.sample_time),
+        feed_forward=task.loop == "position",
+        **_speed_gains(task.actuator),
     )
-
-
-def _nodes(name: str, values) -> np.ndarray:
-    nodes = np.atleast_1d(np.asarray(values, dtype=float))
-    if nodes.ndim != 1 or not np.isfinite(nodes).all() or (np.diff(nodes) <= 0.0).any():
-        raise InputError(f"{name} nodes = {values!r} must be one ascending row of finite numbers.")
-    return nodes
-
-
-def _synthesize(
-    plants: SampledFamily, notch_frequency, structure: str, loop: str, specification: Specification, place
-) -> Regulators:
-    """Regulators (nx, ny) that hold on all `plants` (variants, nx, ny), with notches at `notch_frequency` (nx, ny).
-
-    The tuner sees a grid of frequencies. The refined peaks of |S| and |T| of its result join that grid until none is above its
-    limit. `place` gives (x, y) of a node's indices, for the message where nothing is feasible.
-    """
-    zz, zp = specification.notch_damping if "notch" in structure else (1.0, 1.0)
-    empty = np.zeros(notch_frequency.shape)
-    notch = Regulators(specification.sample_time, empty, empty, empty, notch_frequency, specification.Tf, zz, zp)
-    used = [GAINS.index(name) for name in STRUCTURES[structure]]
-    objective = min(1, len(used) - 1)
-    limits = circles(specification.Ms, specification.Mt)
-    phi = _terms(plants, notch, frequency_grid(plants))[..., used]
-    gains = small_gains(phi, limits, first=objective if loop == "velocity" else 0)
-    if np.isnan(gains).any():
-        x, y = place(*np.unravel_index(np.argmax(np.isnan(gains).any(axis=1)), notch.shape))
-        raise InfeasibleError(
-            f"x={x:g}, y={y:g} m: no gain, however small, keeps Ms <= {specification.Ms:g} and Mt <= {specification.Mt:g}. "
-            "Raise a limit or shorten the delay."
-        )
-    for _ in range(_REFINEMENTS):
-        gains = largest_gains(phi, gains, objective, limits)
-        table = np.zeros((len(GAINS), *notch.shape))
-        table[used] = gains.T.reshape(-1, *notch.shape)
-        regulators = replace(notch, **dict(zip(GAINS, table, strict=True)))
-        (Ms, at_Ms), (Mt, at_Mt) = peaks(Loop(plants, regulators.broadcast_to(plants.shape)))
-        if Ms.max() <= specification.Ms * (1.0 + _TOLERANCE) and Mt.max() <= specification.Mt * (1.0 + _TOLERANCE):
-            break
-        phi = np.concatenate([phi, _terms(plants, notch, np.stack([at_Ms, at_Mt], axis=-1))[..., used]], axis=1)
-    return regulators
-
-
-def _terms(plants: SampledFamily, notch: Regulators, omega) -> np.ndarray:
-    """(nodes, variants * n, 3): what each gain contributes to the loop gain at omega (variants, nx, ny, n)."""
-    terms = notch.terms(omega) * plants.frequency_response(omega)[..., None]
-    variants, nx, ny, n, gains = terms.shape
-    return terms.transpose(1, 2, 0, 3, 4).reshape(nx * ny, variants * n, gains)
 
 
 def _anti_windup_time(kp, ki, sample_time: float) -> float:
@@ -150,12 +213,15 @@ def _anti_windup_time(kp, ki, sample_time: float) -> float:
 
 
 def _speed_gains(actuator: Actuator) -> dict[str, float]:
-    """Feed-forward per direction: the straight line v = gain (x - offset) through the operating points at |x| = 0.1 and 1."""
-    v = find_operating_points(actuator, [-1.0, -0.1, 0.1, 1.0], actuator.stroke / 2.0).v
-    gain_extend, gain_retract = (v[3] - v[2]) / 0.9, (v[1] - v[0]) / 0.9
+    """Feed-forward per direction: the straight line v = gain (x - offset) through the operating points at a tenth of the flow
+    and at full flow."""
+    low = actuator.dead_band + 0.1 * (1.0 - actuator.dead_band)
+    x = np.array([-1.0, -low, low, 1.0])
+    v = find_operating_points(actuator, x, actuator.stroke / 2.0).v
+    gain_retract, gain_extend = (v[1] - v[0]) / (x[1] - x[0]), (v[3] - v[2]) / (x[3] - x[2])
     return {
         "speed_gain_extend": float(gain_extend),
         "speed_gain_retract": float(gain_retract),
-        "speed_offset_extend": float(0.1 - v[2] / gain_extend),
-        "speed_offset_retract": float(-0.1 - v[1] / gain_retract),
+        "speed_offset_extend": float(x[2] - v[2] / gain_extend),
+        "speed_offset_retract": float(x[1] - v[1] / gain_retract),
     }
