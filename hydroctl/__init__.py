@@ -16,6 +16,7 @@ __version__ = "0.1.0"
 
 _HOME = {
     "Actuator": "actuator",
+    "CampaignResult": "validation",
     "Design": "design",
     "GainSchedule": "schedule",
     "HydroctlError": "errors",
@@ -31,6 +32,7 @@ _HOME = {
     "Trajectory": "simulation",
     "ValidationReport": "validation",
     "as_nonlinear_system": "plant",
+    "campaign": "validation",
     "characterize": "characteristics",
     "design": "design",
     "find_operating_points": "operating_point",
@@ -42,6 +44,7 @@ _HOME = {
     "load_schedule": "schedule",
     "read_record": "records",
     "reduce_order": "reduction",
+    "replay": "validation",
     "rest_state": "simulation",
     "save_actuator": "datasheet",
     "simulate": "simulation",

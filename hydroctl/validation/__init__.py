@@ -1,19 +1,23 @@
 """Validation on the nonlinear plant: scenarios, metrics, requirements and the verdict on each."""
 
+from .campaigns import CampaignResult, campaign, replay
 from .metrics import Metrics, measure
 from .report import Run, ValidationReport, validate
 from .scenarios import Scale, scale_of, step_scenarios
 from .verdict import Requirement, Verdict, default_requirements
 
 __all__ = [
+    "CampaignResult",
     "Metrics",
     "Requirement",
     "Run",
     "Scale",
     "ValidationReport",
     "Verdict",
+    "campaign",
     "default_requirements",
     "measure",
+    "replay",
     "scale_of",
     "step_scenarios",
     "validate",
