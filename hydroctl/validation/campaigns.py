@@ -23,7 +23,7 @@ from ..errors import InputError, unknown_name
 from ..operating_point import stall_force
 from ..simulation import Scenario, Trajectory, simulate_closed_loop
 from ..simulation.law import Regulator
-from ..simulation.modes import substeps
+from ..simulation.modes import substeps as needed_substeps
 from ..simulation.regulator import regulator_of
 from ..simulation.scenario import require_fit
 from ..simulation.trajectory import rest_pressures
@@ -123,6 +123,7 @@ def campaign(
     seed: int,
     scenarios: Sequence[Scenario] | None = None,
     spread: Mapping[str, float] = SPREAD,
+    substeps: int | None = None,
     executor: Executor | None = None,
     chunk_size: int = 1024,
     directory: str | Path | None = None,
@@ -130,6 +131,7 @@ def campaign(
 ) -> CampaignResult:
     """Run `count` random cases of the scenarios (default: `step_scenarios`); only metrics are kept.
 
+    `substeps` per sample: default what the fastest mode within the spread needs; fewer are as accurate where references are smooth.
     `executor`: where chunks of `chunk_size` cases run, e.g. `dask.distributed.Client(...).get_executor()`; default: threads of
     this process, none for little work. `directory`: finished chunks are kept there; the same call again goes on from them.
     `on_progress(done, count)` is called after every chunk. A case that fails is flagged; it raises nothing. Raises InputError, all
@@ -137,9 +139,9 @@ def campaign(
     """
     if scenarios is None:
         scenarios = step_scenarios(actuator, schedule.loop, Ts=schedule.Ts)
-    task = _task(actuator, schedule, tuple(scenarios), dict(spread), count, seed)
+    task = _task(actuator, schedule, tuple(scenarios), dict(spread), count, seed, substeps)
     store = ChunkStore(
-        directory, (actuator.fingerprint(), task.regulator, task.scenarios, sorted(task.spread.items()), seed, count)
+        directory, (actuator.fingerprint(), task.regulator, task.scenarios, sorted(task.spread.items()), seed, count, task.substeps)
     )
     bounds = [(start, min(start + chunk_size, count)) for start in range(0, count, chunk_size)]
     rows = {bound: store.load(bound) for bound in bounds}
@@ -161,22 +163,23 @@ def replay(
     *,
     scenarios: Sequence[Scenario] | None = None,
     spread: Mapping[str, float] = SPREAD,
+    substeps: int | None = None,
 ) -> tuple[Actuator, Scenario, Trajectory]:
     """One case of a campaign again, with its motion: (its machine, its scenario, the trajectory).
 
-    `scenarios` and `spread` as in the campaign. Raises SimulationError where the case failed.
+    `scenarios`, `spread` and `substeps` as in the campaign. Raises SimulationError where the case failed.
     """
     if scenarios is None:
         scenarios = step_scenarios(actuator, schedule.loop, Ts=schedule.Ts)
     case = case_seed % (1 << _CASE_BITS)
-    task = _task(actuator, schedule, tuple(scenarios), dict(spread), case + 1, case_seed >> _CASE_BITS)
+    task = _task(actuator, schedule, tuple(scenarios), dict(spread), case + 1, case_seed >> _CASE_BITS, substeps)
     drawn = dict(zip(SPREAD, _draw(task, case, case + 1)[:, 0].tolist(), strict=True))
     load = drawn.pop("load_force") + actuator.load_force
     machine, scenario = actuator.replace(**drawn, load_force=load), scenarios[_scenario_of(task, case)]
     return machine, scenario, simulate_closed_loop(machine, schedule, scenario, substeps=task.substeps)
 
 
-def _task(actuator, schedule, scenarios, spread, count, seed) -> _Task:
+def _task(actuator, schedule, scenarios, spread, count, seed, substeps) -> _Task:
     faults = [unknown_name("spread", name, SPREAD) for name in spread if name not in SPREAD]
     faults += [f"spread[{name!r}] = {part!r} is outside 0 ... 0.95." for name, part in spread.items() if not 0.0 <= part <= 0.95]
     for name, value in (("count", count), ("seed", seed)):
@@ -195,7 +198,7 @@ def _task(actuator, schedule, scenarios, spread, count, seed) -> _Task:
         mass=actuator.mass * (1.0 - spread["mass"]),
         supply_pressure=actuator.supply_pressure * (1.0 + spread["supply_pressure"]),
     )
-    return _Task(actuator, regulator_of(schedule), scenarios, spread, seed, substeps(stiffest, schedule.Ts))
+    return _Task(actuator, regulator_of(schedule), scenarios, spread, seed, substeps or needed_substeps(stiffest, schedule.Ts))
 
 
 def _run_all(task: _Task, bounds, executor: Executor | None):
