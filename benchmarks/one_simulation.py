@@ -13,7 +13,8 @@ import hydroctl as hc
 from .measure import Contender, Row, compare
 from .peers import slope_function
 
-_RTOL = 1e-5
+_RTOL = 4e-6
+_TIMES = 20
 
 
 def rows(*, smallest: bool) -> list[Row]:
@@ -42,7 +43,8 @@ def rows(*, smallest: bool) -> list[Row]:
         return float((np.abs(found - expected).max(axis=1) / np.ptp(expected, axis=1)).max())
 
     def by_hydroctl():
-        r = hc.simulate(actuator, t, x, rtol=_RTOL)
+        for _ in range(_TIMES):
+            r = hc.simulate(actuator, t, x, rtol=_RTOL)
         return error(np.array([r.p_a, r.p_b, r.v, r.y]))
 
     def by_control():
@@ -55,6 +57,6 @@ def rows(*, smallest: bool) -> list[Row]:
         Contender("python-control input_output_response", by_control, note="it ramps x between samples"),
         Contender("scipy RK45, restarted at steps", lambda: error(by_scipy("RK45", 1e-6, atol))),
         Contender("scipy LSODA, restarted at steps", lambda: error(by_scipy("LSODA", 1e-6, atol))),
-        Contender(f"hydroctl simulate, rtol {_RTOL:g}", by_hydroctl),
+        Contender(f"hydroctl simulate, rtol {_RTOL:g}", by_hydroctl, units=_TIMES),
     ]
     return compare("J2", contenders, 1 if smallest else 7)

@@ -50,6 +50,7 @@ _HOME = {
     "simulate": "simulation",
     "simulate_closed_loop": "simulation",
     "step_scenarios": "validation",
+    "tracking_scenarios": "validation",
     "tune": "tuning",
     "tune_fixed": "tuning",
     "validate": "validation",

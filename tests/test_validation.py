@@ -10,7 +10,7 @@ from loops import schedule
 import hydroctl as hc
 from hydroctl.errors import InputError
 from hydroctl.simulation import Scenario, Trajectory
-from hydroctl.validation import Metrics, default_requirements, measure, scale_of, step_scenarios, validate
+from hydroctl.validation import Metrics, default_requirements, measure, scale_of, step_scenarios, tracking_scenarios, validate
 from hydroctl.validation.verdict import judge
 
 ACTUATOR = hc.load_actuator("reference")
@@ -169,3 +169,21 @@ def test_unusable_requests_are_refused():
         step_scenarios(ACTUATOR, "speed")
     with pytest.raises(InputError, match="is for the position loop"):
         validate(ACTUATOR, given, scenarios=step_scenarios(ACTUATOR, "position"))
+
+
+@pytest.mark.parametrize("loop", ["velocity", "position"])
+@pytest.mark.parametrize("name", ["reference", "differential_100_56", "crane_80_45"])
+def test_tracking_references_stay_within_what_the_machine_can_do(loop, name):
+    actuator = hc.load_actuator(name)
+    scale = scale_of(actuator, loop)
+    asked = tracking_scenarios(actuator, loop)
+    assert len({scenario.name for scenario in asked}) == 6
+    for scenario in asked:
+        assert np.abs(scenario.v_ref).max() <= 0.5 * min(scale.extend_speed, scale.retract_speed)
+        if loop == "position":
+            rate = np.gradient(scenario.reference, scenario.Ts)
+            assert np.abs(rate - scenario.v_ref)[1:-1].max() <= 1e-2 * np.abs(scenario.v_ref).max()
+            assert 0.0 < scenario.reference.min() <= scenario.reference.max() < actuator.stroke
+        if scenario.initial is not None:
+            force = actuator.area_a * scenario.initial.p_a - actuator.area_b * scenario.initial.p_b
+            assert force == pytest.approx(actuator.load_force, abs=1e-9 * actuator.area_a * actuator.supply_pressure)

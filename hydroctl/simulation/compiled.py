@@ -63,12 +63,17 @@ def compiled(module: ModuleType, build: str, **replaced) -> ModuleType:
     return result
 
 
+def functions(module: ModuleType) -> dict:
+    """The compiled functions of a compiled module, by name."""
+    return {name: value for name, value in vars(module).items() if isinstance(value, numba.core.dispatcher.Dispatcher)}
+
+
 class Kernels:
     """All compiled modules of one build: `plant`, `motion`, `butcher`, `dormand_prince`, `sampled`, `lanes`."""
 
     def __init__(self, build: str, **replaced):
         self.plant = compiled(_plant, build, **replaced)
-        self.motion = compiled(_motion, build, plant=self.plant)
+        self.motion = compiled(_motion, build, plant=self.plant, **replaced)
         field = {"plus": self.motion.plus, "slope": self.motion.slope, "told": self.motion.told}
         self.butcher = compiled(_butcher, build, plus=field["plus"], slope=field["slope"])
         self.dormand_prince = compiled(_dormand_prince, build, **field)
@@ -79,7 +84,7 @@ class Kernels:
 
 law = compiled(_law, "law")
 full = Kernels("full")
-plain = Kernels("plain", **vars(compiled(_absent, "absent")))
+plain = Kernels("plain", **functions(compiled(_absent, "absent")))
 
 
 def kernels_for(actuator: Actuator) -> Kernels:

@@ -100,7 +100,8 @@ def _look_up(w, regulator):
         w[KP + i] = law.interpolate(regulator.table, row, column, fraction_x, fraction_y, 0)
         w[KI + i] = law.interpolate(regulator.table, row, column, fraction_x, fraction_y, 1)
         w[KD + i] = law.interpolate(regulator.table, row, column, fraction_x, fraction_y, 2)
-        w[WN + i] = law.interpolate(regulator.table, row, column, fraction_x, fraction_y, 3)
+        if regulator.zz != regulator.zp:
+            w[WN + i] = law.interpolate(regulator.table, row, column, fraction_x, fraction_y, 3)
 
 
 def _regulate(w, reference, forward, measured, regulator):

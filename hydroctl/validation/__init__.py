@@ -3,7 +3,7 @@
 from .campaigns import CampaignResult, campaign, replay
 from .metrics import Metrics, measure
 from .report import Run, ValidationReport, validate
-from .scenarios import Scale, scale_of, step_scenarios
+from .scenarios import Scale, scale_of, step_scenarios, tracking_scenarios
 from .verdict import Requirement, Verdict, default_requirements
 
 __all__ = [
@@ -20,5 +20,6 @@ __all__ = [
     "replay",
     "scale_of",
     "step_scenarios",
+    "tracking_scenarios",
     "validate",
 ]
