@@ -33,6 +33,7 @@ _HOME = {
     "ValidationReport": "validation",
     "as_nonlinear_system": "plant",
     "campaign": "validation",
+    "compare": "validation",
     "characterize": "characteristics",
     "design": "design",
     "find_operating_points": "operating_point",

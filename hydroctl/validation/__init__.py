@@ -1,6 +1,7 @@
 """Validation on the nonlinear plant: scenarios, metrics, requirements and the verdict on each."""
 
 from .campaigns import CampaignResult, campaign, replay
+from .comparison import Comparison, compare
 from .metrics import Metrics, measure
 from .report import Run, ValidationReport, validate
 from .scenarios import Scale, scale_of, step_scenarios, tracking_scenarios
@@ -8,6 +9,7 @@ from .verdict import Requirement, Verdict, default_requirements
 
 __all__ = [
     "CampaignResult",
+    "Comparison",
     "Metrics",
     "Requirement",
     "Run",
@@ -15,6 +17,7 @@ __all__ = [
     "ValidationReport",
     "Verdict",
     "campaign",
+    "compare",
     "default_requirements",
     "measure",
     "replay",
