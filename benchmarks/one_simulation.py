@@ -13,7 +13,7 @@ import hydroctl as hc
 from .measure import Contender, Row, compare
 from .peers import slope_function
 
-_RTOL = 4e-6
+_RTOL = 2e-6
 _TIMES = 20
 
 
