@@ -1,13 +1,19 @@
 """The sampled closed loop on the nonlinear plant: against DOP853 with an independent regulator, and its laws."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from loops import accurate_closed_loop, schedule
 
 import hydroctl as hc
+from hydroctl import plant
 from hydroctl.errors import InputError, SimulationError
 from hydroctl.simulation import Scenario, rest_state, simulate_closed_loop
+from hydroctl.simulation.compiled import full, kernels_for, plain
 from hydroctl.simulation.modes import fastest_mode, substeps
+from hydroctl.simulation.regulator import regulator_of
+from hydroctl.validation import tracking_scenarios
 
 ACTUATOR = hc.load_actuator("reference")
 FAST = ACTUATOR.replace(bulk_modulus=1.3 * ACTUATOR.bulk_modulus, mass=0.5 * ACTUATOR.mass)
@@ -93,3 +99,35 @@ def test_a_loop_that_leaves_the_numbers_says_when():
     k = np.arange(8000)
     with pytest.raises(SimulationError, match="its stroke"):
         simulate_closed_loop(ACTUATOR, schedule(), scenario(reference=0.1 + 0.0 * k))
+
+
+def test_leaving_out_absent_effects_changes_no_bit():
+    """A machine without them run by the full kernels and by those that leave their lines out."""
+    p, asked = plant.parameters(ACTUATOR), scenario()
+    outs = []
+    for kernels in (full, plain):
+        out = np.empty((7, asked.reference.size))
+        kernels.sampled.run(
+            tuple(rest_state(ACTUATOR, 0.25)), asked.reference, asked.v_ref, asked.load_force, regulator_of(schedule()), p, 2, out
+        )
+        outs.append(out)
+    assert np.array_equal(*outs)
+    assert kernels_for(ACTUATOR) is plain
+    assert kernels_for(ACTUATOR.replace(dead_band=0.01)) is full
+
+
+@pytest.mark.parametrize("name", ["differential_100_56", "fast_50_28"])
+@pytest.mark.parametrize("index", [1, 3, 5], ids=["sine", "load step", "start at other pressures"])
+def test_tracking_scenarios_of_other_machines_agree_with_dop853_to_a_millionth(name, index):
+    actuator = hc.load_actuator(name)
+    asked = tracking_scenarios(actuator, "velocity")[index]
+    first = int(0.2 * asked.reference.size) - 20 if index == 3 else 0
+    part = slice(first, first + 80)
+    changes = {key: getattr(asked, key)[part] for key in ("reference", "v_ref", "load_force")}
+    asked = dataclasses.replace(asked, **changes, settle_by=None)
+    given = schedule(kp=np.full((4, 3), 0.02), ki=np.full((4, 3), 20.0), y=np.array([0.0, 0.2, 0.5]))
+    start = asked.initial or rest_state(actuator, asked.y, load_force=float(asked.load_force[0]))
+    expected = accurate_closed_loop(actuator, given, asked, start)
+    found = simulate_closed_loop(actuator, given, asked)
+    for key, row in zip(("p_a", "p_b", "v", "y"), expected[:4], strict=True):
+        assert np.abs(getattr(found, key) - row).max() <= 1e-6 * np.ptp(row), key

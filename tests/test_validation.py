@@ -10,7 +10,16 @@ from loops import schedule
 import hydroctl as hc
 from hydroctl.errors import InputError
 from hydroctl.simulation import Scenario, Trajectory
-from hydroctl.validation import Metrics, default_requirements, measure, scale_of, step_scenarios, validate
+from hydroctl.validation import (
+    Metrics,
+    compare,
+    default_requirements,
+    measure,
+    scale_of,
+    step_scenarios,
+    tracking_scenarios,
+    validate,
+)
 from hydroctl.validation.verdict import judge
 
 ACTUATOR = hc.load_actuator("reference")
@@ -169,3 +178,43 @@ def test_unusable_requests_are_refused():
         step_scenarios(ACTUATOR, "speed")
     with pytest.raises(InputError, match="is for the position loop"):
         validate(ACTUATOR, given, scenarios=step_scenarios(ACTUATOR, "position"))
+
+
+@pytest.mark.parametrize("loop", ["velocity", "position"])
+@pytest.mark.parametrize("name", ["reference", "differential_100_56", "crane_80_45"])
+def test_tracking_references_stay_within_what_the_machine_can_do(loop, name):
+    actuator = hc.load_actuator(name)
+    scale = scale_of(actuator, loop)
+    asked = tracking_scenarios(actuator, loop)
+    assert len({scenario.name for scenario in asked}) == 6
+    for scenario in asked:
+        assert np.abs(scenario.v_ref).max() <= 0.5 * min(scale.extend_speed, scale.retract_speed)
+        if loop == "position":
+            rate = np.gradient(scenario.reference, scenario.Ts)
+            assert np.abs(rate - scenario.v_ref)[1:-1].max() <= 1e-2 * np.abs(scenario.v_ref).max()
+            assert 0.0 < scenario.reference.min() <= scenario.reference.max() < actuator.stroke
+        if scenario.initial is not None:
+            force = actuator.area_a * scenario.initial.p_a - actuator.area_b * scenario.initial.p_b
+            assert force == pytest.approx(actuator.load_force, abs=1e-9 * actuator.area_a * actuator.supply_pressure)
+
+
+def test_comparison_is_the_ratio_of_the_errors_case_by_case():
+    """An integral alone makes e = exp(-ki K t) of a velocity step, K = v/x: over T the IAE is (1 - exp(-ki K T))/(ki K).
+
+    The hydraulic mode and the delay, a few ms, hardly enter the ratio.
+    """
+    tables = {"kp": np.zeros((4, 3)), "zz": 0.5, "zp": 0.5, "specification": SimpleNamespace(Mt=1.3)}
+    quick, slow = (schedule(ki=np.full((4, 3), ki), **tables) for ki in (100.0, 50.0))
+    asked = [scenario for scenario in step_scenarios(ACTUATOR, "velocity") if scenario.kind == "step"][:2]
+    (found,) = compare(ACTUATOR, {"quick": quick, "slow": slow}, scenarios=asked)
+    assert (found.name, found.baseline, found.failed) == ("slow", "quick", 0)
+    assert found.best <= found.mean <= found.worst
+    T, scale = asked[0].duration - 0.05, scale_of(ACTUATOR, "velocity")
+    one, two = ([(1 - math.exp(-ki * K * T)) / (ki * K) for K in (scale.extend_speed, scale.retract_speed)] for ki in (100.0, 50.0))
+    assert found.mean == pytest.approx(math.sqrt(two[0] / one[0] * two[1] / one[1]), rel=0.02)
+    reports = [validate(ACTUATOR, given, scenarios=asked).metrics for given in (quick, slow)]
+    ratios = [reports[1][key].iae / reports[0][key].iae for key in reports[0]]
+    assert found.mean == pytest.approx(math.sqrt(ratios[0] * ratios[1]), rel=1e-12)
+    assert (found.best, found.worst) == (min(ratios), max(ratios))
+    with pytest.raises(InputError, match="fewer than two"):
+        compare(ACTUATOR, {"quick": quick})

@@ -1,4 +1,4 @@
-"""One step of Butcher's Runge-Kutta method of order 6 in 7 stages, compiled: straight-line code, fit for lanes.
+"""One step of Butcher's Runge-Kutta method of order 6 in 7 stages: straight-line code, fit for lanes.
 
 Coefficients: J. C. Butcher, "On Runge-Kutta processes of high order", J. Austral. Math. Soc. 4 (1964). At the accuracy that
 the closed loop needs it takes half the evaluations of the classical method of order 4.
@@ -6,7 +6,6 @@ the closed loop needs it takes half the evaluations of the classical method of o
 
 from __future__ import annotations
 
-from .compiled import kernel
 from .motion import plus, slope
 
 _A21 = 1 / 3
@@ -18,7 +17,6 @@ _A71, _A72, _A73, _A74, _A76 = 9 / 44, -9 / 11, 63 / 44, 18 / 11, -16 / 11
 _B1, _B3, _B4, _B5, _B6, _B7 = 11 / 120, 27 / 40, 27 / 40, -4 / 15, -4 / 15, 11 / 120
 
 
-@kernel()
 def step(z, x, load, p, h):
     """The state h seconds after z for the valve command x and the load (N)."""
     k1 = slope(z, x, load, p)

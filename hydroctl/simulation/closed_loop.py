@@ -8,43 +8,39 @@ import numpy as np
 
 from .. import plant
 from ..actuator import Actuator
-from ..errors import InputError
-from .modes import substeps
+from .modes import substeps as needed_substeps
 from .regulator import regulator_of
-from .scenario import Scenario
+from .scenario import Scenario, require_fit
 from .trajectory import State, Trajectory, require_motion, rest_state
 
 if TYPE_CHECKING:
     from ..schedule import GainSchedule
 
 
-def simulate_closed_loop(actuator: Actuator, schedule: GainSchedule, scenario: Scenario) -> Trajectory:
+def simulate_closed_loop(
+    actuator: Actuator, schedule: GainSchedule, scenario: Scenario, *, substeps: int | None = None
+) -> Trajectory:
     """The motion at the scenario's sample instants; its regulator law is that of `simulation.law`.
 
-    The plant is integrated by Runge-Kutta 6 in equal substeps of a sample, as many as its fastest mode needs. Raises InputError
+    The plant is integrated by Runge-Kutta 6 in equal substeps of a sample, `substeps` of them or as many as its
+    fastest mode needs. Raises InputError
     where schedule and scenario do not fit together, SimulationError where the motion leaves the numbers.
     """
-    if faults := list(_mismatches(schedule, scenario)):
-        raise InputError(faults)
+    require_fit(schedule, scenario)
     load = scenario.load_force + actuator.load_force
     start = scenario.initial
     if start is None:
         start = rest_state(actuator, scenario.y, load_force=float(scenario.load_force[0]))
-    count = substeps(actuator, scenario.Ts)
+    count = substeps or needed_substeps(actuator, scenario.Ts)
     out = np.empty((7, scenario.reference.size))
 
-    from .sampled import run
+    from .compiled import kernels_for
 
     p = plant.parameters(actuator)
-    final = run(tuple(start), scenario.reference, scenario.v_ref, load, regulator_of(schedule), p, count, out)
+    final = kernels_for(actuator).sampled.run(
+        tuple(start), scenario.reference, scenario.v_ref, load, regulator_of(schedule), p, count, out
+    )
     integrator = f"Runge-Kutta 6, {count} substeps of {scenario.Ts / count:g} s per sample"
     p_a, p_b, v, y, spool, x, command = out
     motion = (scenario.t, x, y, v, p_a, p_b, spool, integrator, State(*final))
     return require_motion(actuator, Trajectory(*motion, reference=scenario.reference, command=command))
-
-
-def _mismatches(schedule: GainSchedule, scenario: Scenario):
-    if schedule.loop != scenario.loop:
-        yield f"scenario {scenario.name!r} is for the {scenario.loop} loop, the schedule for the {schedule.loop} loop."
-    if abs(schedule.Ts - scenario.Ts) > 1e-12 * schedule.Ts:
-        yield f"scenario {scenario.name!r} is sampled every {scenario.Ts:g} s, the schedule every {schedule.Ts:g} s."

@@ -6,9 +6,8 @@ E. Hairer, S. P. Norsett, G. Wanner, "Solving Ordinary Differential Equations I"
 
 from __future__ import annotations
 
-import numpy as np
+from math import inf
 
-from .compiled import kernel
 from .motion import plus, slope, told
 
 _A21 = 1 / 5
@@ -25,7 +24,6 @@ _SAFETY, _SHRINK, _GROW = 0.9, 0.2, 5.0
 _SMALLEST = 1e-13
 
 
-@kernel()
 def _step(z, k1, h, x, load, p):
     """(new state, error estimate, slopes k1 and k3 ... k7) of one step of length h."""
     k2 = slope(plus(z, h * _A21, k1), x, load, p)
@@ -42,22 +40,19 @@ def _step(z, k1, h, x, load, p):
     return new, error, (k1, k3, k4, k5, k6, k7)
 
 
-@kernel()
 def _ratio(z, new, error, scale):
     return abs(error) / max(abs(z), abs(new), scale)
 
 
-@kernel()
 def _error_norm(z, new, error, scales):
     """Largest error over the size of its state; infinite where the step left the numbers."""
     worst = max(_ratio(z[0], new[0], error[0], scales[0]), _ratio(z[1], new[1], error[1], scales[1]))
     worst = max(worst, _ratio(z[2], new[2], error[2], scales[2]), _ratio(z[3], new[3], error[3], scales[3]))
     worst = max(worst, _ratio(z[4], new[4], error[4], scales[4]), _ratio(z[5], new[5], error[5], scales[5]))
     finite = error[0] + error[1] + error[2] + error[3] + error[4] + error[5]
-    return worst if finite - finite == 0.0 else np.inf
+    return worst if finite - finite == 0.0 else inf
 
 
-@kernel()
 def _interpolate(theta, h, z, new, k1, k7, end):
     """One state at the fraction theta of the step."""
     change = new - z
@@ -67,7 +62,6 @@ def _interpolate(theta, h, z, new, k1, k7, end):
     return z + theta * (change + rest * (start + theta * (bend + rest * end)))
 
 
-@kernel()
 def _write_dense(out, first, last, t, t0, h, z, new, slopes):
     """The interpolant of the step from t0, at the samples first ... last - 1."""
     k1, k3, k4, k5, k6, k7 = slopes
@@ -83,7 +77,6 @@ def _write_dense(out, first, last, t, t0, h, z, new, slopes):
         out[5, k] = _interpolate(theta, h, z[5], new[5], k1[5], k7[5], ends[5])
 
 
-@kernel()
 def integrate(t, x, load, initial, p, rtol, scales, most_steps, out):
     """Fill out (6, n) with the states at the times t for commands x and loads (N) held from t[k] to t[k+1].
 

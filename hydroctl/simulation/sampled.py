@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from .butcher import step
-from .compiled import kernel, law
+from . import butcher, law, motion
 from .law import AT_REST
-from .motion import told
 
 ROWS = ("p_a", "p_b", "v", "y", "spool", "x", "command")
 
 
-@kernel()
 def run(initial, reference, v_ref, load, regulator, p, substeps, out):
     """Fill out (7, n), rows as in ROWS, at the n sample instants. Returns the state one sample after the last."""
     z = initial
@@ -21,9 +18,9 @@ def run(initial, reference, v_ref, load, regulator, p, substeps, out):
         memory = law.sample(reference[k], v_ref[k], z[2], z[3], memory, regulator)
         out[6, k] = memory[5]
         x = out[6, k - delay] if k >= delay else 0.0
-        z = told(z, x, p)
+        z = motion.told(z, x, p)
         out[0, k], out[1, k], out[2, k], out[3, k], out[4, k], _ = z
         out[5, k] = x
         for _ in range(substeps):
-            z = step(z, x, load[k], p, h)
+            z = butcher.step(z, x, load[k], p, h)
     return z

@@ -7,36 +7,42 @@ a library call for the tangent would keep a loop over lanes from becoming vector
 from __future__ import annotations
 
 from numba import njit
-from numpy import abs, copysign, sqrt
+from numpy import abs, sqrt
 
 __all__ = ["abs", "copysign", "maximum", "minimum", "real", "sqrt", "tan", "where"]
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def where(condition, yes, no):
     """`yes` where the condition holds, else `no`."""
     return yes if condition else no
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
+def copysign(size, sign):
+    """|size| with the sign of `sign`; a zero of either sign counts as positive."""
+    return abs(size) if sign >= 0.0 else -abs(size)
+
+
+@njit(error_model="numpy", forceinline=True)
 def maximum(one, other):
     """The larger number."""
     return one if one > other else other
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def minimum(one, other):
     """The smaller number."""
     return one if one < other else other
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def real(value):
     """The number itself: compiled code is real."""
     return value
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def tan(angle):
     """tan(angle) for |angle| < pi/2.
 

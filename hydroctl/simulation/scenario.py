@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import InputError, unknown_name
 from .trajectory import State
+
+if TYPE_CHECKING:
+    from ..schedule import GainSchedule
 
 LOOPS = ("velocity", "position")
 KINDS = ("step", "saturated", "reversal", "tracking")
@@ -74,3 +78,14 @@ class Scenario:
     def duration(self) -> float:
         """s"""
         return self.Ts * self.reference.size
+
+
+def require_fit(schedule: GainSchedule, scenario: Scenario) -> None:
+    """InputError where the schedule cannot control the scenario."""
+    faults = []
+    if schedule.loop != scenario.loop:
+        faults.append(f"scenario {scenario.name!r} is for the {scenario.loop} loop, the schedule for the {schedule.loop} loop.")
+    if abs(schedule.Ts - scenario.Ts) > 1e-12 * schedule.Ts:
+        faults.append(f"scenario {scenario.name!r} is sampled every {scenario.Ts:g} s, the schedule every {schedule.Ts:g} s.")
+    if faults:
+        raise InputError(faults)

@@ -10,6 +10,7 @@ import numpy as np
 from ..actuator import Actuator
 from ..errors import InputError, SimulationError
 from ..operating_point import stall_force
+from ..plant import Parameters, parameters
 
 
 class State(NamedTuple):
@@ -80,19 +81,17 @@ def rest_state(actuator: Actuator, y: float | None = None, *, load_force: float 
         faults.append(f"load_force = {load:g} N cannot be held: the stall forces are {lowest:g} and {highest:g} N. Lower the load.")
     if faults:
         raise InputError(faults)
-    p_a = 0.5 * (_creeping_pressure(actuator, 1.0, load) + _creeping_pressure(actuator, -1.0, load))
-    return State(p_a, (actuator.area_a * p_a - load) / actuator.area_b, 0.0, y)
+    return State(*map(float, rest_pressures(parameters(actuator), load)), 0.0, y)
 
 
-def _creeping_pressure(actuator: Actuator, side: float, load: float) -> float:
-    """p_a in the limit x -> 0 from one side, without leakage.
+def rest_pressures(p: Parameters, load):
+    """(p_a, p_b) of `rest_state` in Pa for the whole load in N; arrays broadcast.
 
-    With d the chamber at the supply and r the other, the flows A_d w = c_d |x| sqrt(p_s - p_d) and A_r w = c_r |x| sqrt(p_r - p_t)
-    fix the ratio of the pressure drops, and the balance of forces A_d p_d - A_r p_r = side load their size.
+    In the limit x -> 0, with d the chamber at the supply and r the other, the flows A_d w = c_d |x| sqrt(p_s - p_d) and
+    A_r w = c_r |x| sqrt(p_r - p_t) fix the ratio of the pressure drops, the balance A_a p_a - A_b p_b = F their size.
     """
-    a, b = (actuator.area_a, actuator.flow_coefficient), (actuator.area_b, actuator.flow_coefficient_b)
-    (area_d, flow_d), (area_r, flow_r) = (a, b) if side > 0.0 else (b, a)
-    supply, tank = actuator.supply_pressure, actuator.tank_pressure
-    ratio = (area_d * flow_r / (area_r * flow_d)) ** 2
-    drop_r = (area_d * supply - area_r * tank - side * load) / (area_d * ratio + area_r)
-    return supply - ratio * drop_r if side > 0.0 else tank + drop_r
+    ratio = (p.area_a * p.flow_coefficient_b / (p.area_b * p.flow_coefficient_a)) ** 2
+    drop_b = (p.area_a * p.supply_pressure - p.area_b * p.tank_pressure - load) / (p.area_a * ratio + p.area_b)
+    drop_a = (p.area_b * p.supply_pressure - p.area_a * p.tank_pressure + load) / (p.area_b / ratio + p.area_a)
+    p_a = 0.5 * (p.supply_pressure - ratio * drop_b + p.tank_pressure + drop_a)
+    return p_a, (p.area_a * p_a - load) / p.area_b

@@ -76,25 +76,39 @@ def measure(actuator: Actuator, scenario: Scenario, trajectory: Trajectory) -> M
     )
 
 
-def _step_metrics(scenario: Scenario, measured: np.ndarray) -> dict[str, float]:
-    names = ("rise_time", "settling_time", "overshoot", "passing", "oscillation", "steady_error")
+def last_step(scenario: Scenario) -> tuple[int, int, int]:
+    """(first, late, steady): the samples of the last change of the reference, from where it should have settled, and of the last
+    tenth of the scenario; all at the end for a scenario of kind "tracking".
+    """
+    n = scenario.reference.size
+    if scenario.kind == "tracking":
+        return n, n, n
     changes = np.flatnonzero(np.diff(scenario.reference)) + 1
     first = int(changes[-1]) if changes.size else 0
+    late = min(n, first + math.ceil(scenario.settle_by / scenario.Ts))
+    return first, late, max(first, n - max(1, n // 10))
+
+
+def _step_metrics(scenario: Scenario, measured: np.ndarray) -> dict[str, float]:
+    names = ("rise_time", "settling_time", "overshoot", "passing", "oscillation", "steady_error")
+    first, late, steady = last_step(scenario)
+    if first >= scenario.reference.size:
+        return dict.fromkeys(names, math.nan)
     answer, target = measured[first:], scenario.reference[-1]
     step = target - answer[0]
-    if scenario.kind == "tracking" or step == 0.0:
+    if step == 0.0:
         return dict.fromkeys(names, math.nan)
     progress = (answer - answer[0]) / step
     away = np.flatnonzero(np.abs(progress - 1.0) > BAND)
-    late = progress[min(progress.size, math.ceil(scenario.settle_by / scenario.Ts)) :]
+    settled_part = progress[late - first :]
     settled = away.size == 0 or away[-1] + 1 < progress.size
     values = (
         _first(progress >= 0.9, scenario.Ts) - _first(progress >= 0.1, scenario.Ts),
         (away[-1] + 1 if away.size else 0) * scenario.Ts if settled else math.inf,
         max(0.0, float(progress.max()) - 1.0),
         max(0.0, float(progress.max()) - 1.0) * abs(step),
-        np.ptp(late) if late.size else math.nan,
-        1.0 - progress[-max(1, scenario.reference.size // 10) :].mean(),
+        np.ptp(settled_part) if settled_part.size else math.nan,
+        1.0 - progress[steady - first :].mean(),
     )
     return dict(zip(names, map(float, values), strict=True))
 

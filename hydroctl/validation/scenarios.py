@@ -10,8 +10,9 @@ import numpy as np
 from ..actuator import Actuator
 from ..errors import InputError, unknown_name
 from ..linearization import linearize
-from ..operating_point import find_operating_points
+from ..operating_point import find_operating_points, stall_force
 from ..simulation.scenario import LOOPS, Scenario
+from ..simulation.trajectory import rest_state
 
 _POSITIONS = (0.15, 0.5, 0.85)
 _SETTLING = {"velocity": 40.0, "position": 80.0}
@@ -79,6 +80,49 @@ def step_scenarios(actuator: Actuator, loop: str, *, Ts: float = 1e-3) -> tuple[
     scale = scale_of(actuator, loop)
     make = _velocity_steps if loop == "velocity" else _position_steps
     return tuple(make(actuator, scale, Ts))
+
+
+def tracking_scenarios(actuator: Actuator, loop: str, *, Ts: float = 1e-3) -> tuple[Scenario, ...]:
+    """References to follow and loads to reject, all of kind "tracking": ramp, sine, sweep, load step, start from other pressures.
+
+    Amplitudes: a sixth of the lower full speed (velocity), 2 % of the stroke (position); the sine so slow, and the sweep up to a
+    frequency so low, that its speed stays below half of full speed and its period above ten time constants of the machine. Load
+    steps: a tenth of the smaller stall force. Position scenarios carry the speed reference of their feed-forward.
+    """
+    scale = scale_of(actuator, loop)
+    speed, amplitude = min(scale.extend_speed, scale.retract_speed), 0.02 * actuator.stroke
+    fastest = 1.0 / (10.0 * scale.time_constant)
+    f = min(fastest, 0.25 * speed / (2.0 * np.pi * amplitude) if loop == "position" else fastest)
+    t = Ts * np.arange(round(max(2.0 / f, 3.0 * scale.settling) / Ts))
+    middle, phase = 0.5 * actuator.stroke, 2.0 * np.pi * f * t
+    sweep = np.pi * f * t**2 / t[-1]
+    # each entry: the quantity as a fraction of its amplitude, and its derivative in 1/s
+    shapes = {
+        "ramp": (t / t[-1], np.full(t.size, 1.0 / t[-1])),
+        f"sine of {f:.3g} Hz": (np.sin(phase), 2.0 * np.pi * f * np.cos(phase)),
+        f"sweep to {f:.3g} Hz": (np.sin(sweep), 2.0 * np.pi * f * t / t[-1] * np.cos(sweep)),
+        "hold": (np.zeros(t.size), np.zeros(t.size)),
+    }
+    stall = float(np.abs(stall_force(actuator, np.array([1.0, -1.0]))).min())
+    rest = rest_state(actuator, middle)
+    low = rest._replace(p_a=0.5 * rest.p_a, p_b=(0.5 * actuator.area_a * rest.p_a - actuator.load_force) / actuator.area_b)
+
+    def asked(name, shape, **changes):
+        value, rate = shapes[shape]
+        signals = (
+            {"reference": speed / 6.0 * value}
+            if loop == "velocity"
+            else {
+                "reference": middle + amplitude * value,
+                "v_ref": amplitude * rate,
+            }
+        )
+        return Scenario(name=name, loop=loop, Ts=Ts, y=middle, **signals, **changes)
+
+    following = [asked(name, name) for name in list(shapes)[:3]]
+    load = np.where(t < 0.2 * t[-1], 0.0, 0.1 * stall)
+    loads = [asked(f"load step of {sign * 0.1 * stall:+.3g} N", "hold", load_force=sign * load) for sign in (1.0, -1.0)]
+    return (*following, *loads, asked("start at half the pressures", "hold", initial=low))
 
 
 def _velocity_steps(actuator: Actuator, scale: Scale, Ts: float):
