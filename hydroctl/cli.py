@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import sys
+from contextlib import contextmanager
+from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -65,10 +67,73 @@ def actuators(
         names = hydroctl.list_actuators()
         typer.echo(json.dumps(names) if as_json else "\n".join(names))
         return
+    loaded = hydroctl.load_actuator(name)
     from .summary import describe, machine_to_dict
 
-    machine = hydroctl.characterize(hydroctl.load_actuator(name))
+    machine = hydroctl.characterize(loaded)
     typer.echo(json.dumps(machine_to_dict(machine), indent=1) if as_json else describe(machine))
+
+
+@app.command()
+def validate(
+    schedule: Annotated[Path, typer.Argument(help="a schedule.json that `hydroctl design` wrote")],
+    variants: Annotated[str, typer.Option(help="machines to try: nominal or corners")] = "nominal",
+    count: Annotated[int, typer.Option(help="run this many random cases instead", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="seed of the random cases", min=0)] = 0,
+    directory: Annotated[Path | None, typer.Option("-o", "--output", help="keep finished cases here; a new run resumes")] = None,
+    replay: Annotated[int | None, typer.Option(help="run one random case again, by its seed, and print its metrics")] = None,
+) -> None:
+    """Try a schedule on the nonlinear plant of the machine that it was designed for."""
+    from . import validation
+
+    loaded = hydroctl.load_schedule(schedule)
+    if replay is not None:
+        machine, scenario, trajectory = validation.replay(loaded.actuator, loaded, replay)
+        metrics = validation.measure(machine, scenario, trajectory)
+        typer.echo("\n".join([scenario.name, *(f"  {name} {value:.6g}" for name, value in asdict(metrics).items())]))
+    elif count:
+        with _progress(count) as advance:
+            result = validation.campaign(loaded.actuator, loaded, count=count, seed=seed, directory=directory, on_progress=advance)
+        scale = validation.scale_of(loaded.actuator, loaded.loop)
+        verdicts = result.verdicts(validation.default_requirements(scale, Mt=loaded.specification.Mt))
+        typer.echo("\n".join([f"{count} random cases, seed {seed}", *(f"  {verdict}" for verdict in verdicts)]))
+        raise typer.Exit(0 if all(verdict.passed for verdict in verdicts) else 1)
+    else:
+        report = validation.validate(loaded.actuator, loaded, variants=variants)
+        typer.echo(report.summary())
+        raise typer.Exit(0 if report.passed else 1)
+
+
+@app.command()
+def identify(
+    record: Annotated[Path, typer.Argument(help="a CSV file with columns t, x, v and y")],
+    machine: Annotated[str | None, typer.Option(help="a shipped machine or a data sheet, for its areas and volumes")] = None,
+    basis: Annotated[str, typer.Option(help="volume, volume-leakage, quadratic, paper or constant")] = "volume",
+    method: Annotated[str, typer.Option(help="srivc or least-squares")] = "srivc",
+    settling: Annotated[float, typer.Option(help="s at full opening to leave out after each reversal")] = 0.0,
+    column: Annotated[list[str] | None, typer.Option(help="name of a column in the file, such as x=valve")] = None,
+    unit: Annotated[list[str] | None, typer.Option(help="unit of a column, such as v=mm/s")] = None,
+) -> None:
+    """Identify the quasi-linear model from a measured record."""
+    data = hydroctl.read_record(record, columns=_pairs("--column", column), units=_pairs("--unit", unit))
+    actuator = None if machine is None else hydroctl.load_actuator(machine)
+    found = hydroctl.identify(data.t, data.x, data.v, data.y, basis=basis, actuator=actuator, method=method, settling=settling)
+    fit = f"fit {found.fit.estimation:.2f} %, held out {found.fit.hold_out:.2f} %, one step {found.fit.one_step:.2f} %"
+    typer.echo("\n".join([fit, found.model.table(), *found.restrictions]))
+
+
+def _pairs(option: str, given: list[str] | None) -> dict[str, str]:
+    pairs = [text.partition("=") for text in given or ()]
+    if wrong := [name for name, sign, value in pairs if not (sign and value)]:
+        raise hydroctl.InputError(f"{option} {wrong[0]} must have the form name=value.")
+    return {name: value for name, _, value in pairs}
+
+
+@contextmanager
+def _progress(count: int):
+    """A bar on stderr, where that is a terminal; gives the callback (done, count)."""
+    with typer.progressbar(length=count, file=sys.stderr, hidden=not sys.stderr.isatty()) as bar:
+        yield lambda done, _: bar.update(done - bar.pos)
 
 
 def main() -> None:

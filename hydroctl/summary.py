@@ -88,7 +88,7 @@ def _worst_points(design):
 
 def _comparison(design):
     schedule, fixed = design.schedule, design.fixed
-    gain = "kp" if schedule.structure.startswith("p") and not schedule.structure.startswith("pi") else "ki"
+    gain = "ki" if schedule.ki.any() else "kp"
     scheduled, constant = getattr(schedule, gain), getattr(fixed, gain).item()
     yield "Scheduled against one fixed regulator of the same structure and limits"
     yield f"  {gain} {scheduled.min():.4g} ... {scheduled.max():.4g} scheduled, {constant:.4g} fixed"

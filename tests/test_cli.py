@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 import hydroctl as hc
@@ -89,6 +90,40 @@ def test_actuators_are_listed_and_described(command):
         assert part in stdout
     code, stdout, _ = command("actuators", "reference", "--json")
     assert json.loads(stdout)["parameters"]["mass"] == 500.0
+
+
+@pytest.fixture(scope="module")
+def schedule(reference, tmp_path_factory):
+    path = tmp_path_factory.mktemp("cli") / "schedule.json"
+    return hc.tune(reference, [-1.0, -0.1, 0.1, 1.0], [0.0, 0.25, 0.5]).save(path)
+
+
+def test_a_saved_schedule_is_validated_and_its_random_cases_replayed(command, schedule):
+    code, stdout, _ = command("validate", schedule)
+    assert code == 0
+    assert "every requirement is met" in stdout
+    code, stdout, _ = command("validate", schedule, "--count", 70, "--seed", 3)
+    assert stdout.startswith("70 random cases, seed 3")
+    assert code == (0 if "FAIL" not in stdout else 1)
+    seed = stdout.split("; seed ")[1].split(")")[0]
+    code, stdout, _ = command("validate", schedule, "--replay", seed)
+    assert code == 0
+    assert "settling_time" in stdout
+
+
+def test_a_record_is_identified_with_its_own_column_names_and_units(command, reference, tmp_path):
+    t = np.arange(0.0, 4.0, 1e-3)
+    x = np.where(np.sin(2.0 * np.pi * 3.0 * t) + np.sin(2.0 * np.pi * 11.0 * t) > 0.0, 0.12, 0.08)
+    motion = hc.simulate(reference, t, x)
+    rows = zip(t, x, 1e3 * motion.v, motion.y, strict=True)
+    path = tmp_path / "record.csv"
+    path.write_text("time,valve,speed,y\n" + "\n".join(",".join(f"{value:.9g}" for value in row) for row in rows) + "\n")
+    options = ("--column", "t=time", "--column", "x=valve", "--column", "v=speed", "--unit", "v=mm/s")
+    code, stdout, _ = command("identify", path, "--basis", "constant", *options)
+    assert code == 0
+    assert "held out" in stdout
+    code, _, stderr = command("identify", path, "--basis", "constant", "--column", "t")
+    assert (code, "form name=value" in stderr) == (2, True)
 
 
 def test_help_loads_nothing_heavy():

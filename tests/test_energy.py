@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from machines import DIFFERENTIAL, REFERENCE
-from scipy.integrate import solve_ivp
+from scipy.integrate import simpson, solve_ivp
 
+import hydroctl as hc
 from hydroctl import plant
 
 STOPS = {"end_stop_stiffness": 2e8, "end_stop_damping": 2.0}
@@ -66,3 +67,20 @@ def test_energy_balance_closes_to_1e_6_of_the_throughput(actuator, x):
         depth = max(-end[3], end[3] - p.stroke)
         assert depth > 0.0
         assert work["end stops"] > p.end_stop_stiffness * depth**2 / 2  # the spring's share; the rest is lost in the contact
+
+
+@pytest.mark.parametrize("x", [-0.7, 0.5])
+@pytest.mark.parametrize("actuator", [REFERENCE, DRY], ids=["paper", "dry friction and stops"])
+def test_energy_balance_of_simulate_closes_to_1e_6_of_the_throughput(actuator, x):
+    """The motion of `simulate`, from pressures out of balance into steady travel; the powers by Simpson's rule along it."""
+    p = plant.parameters(actuator)
+    t = np.linspace(0.0, 0.25, 25_001)
+    initial = hc.State(0.4 * p.supply_pressure, 0.5 * p.supply_pressure, 0.0, 0.5 * p.stroke)
+    motion = hc.simulate(actuator, t, np.full(t.size, x), initial=initial, rtol=1e-10)
+    z = np.array([motion.p_a, motion.p_b, motion.v, motion.y])
+    rates = plant.rates(*z, plant.effective_opening(x, p), actuator.load_force, p)
+    powers = _powers(actuator, z, x)
+    work = {name: simpson(power, x=t) for name, power in powers.items()}
+    stored = simpson(_compression(actuator, rates, z), x=t) + p.mass * (motion.v[-1] ** 2 - motion.v[0] ** 2) / 2
+    spent = sum(value for name, value in work.items() if name != "supply")
+    assert abs(work["supply"] - spent - stored) <= 1e-6 * simpson(np.abs(powers["supply"]), x=t)

@@ -98,7 +98,6 @@ def test_a_pure_delay_under_integral_action_reaches_the_gain_found_by_hand():
 
 
 def test_interpolated_gains_hold_at_every_design_point_and_cost_at_most_two_hundredths(reference):
-    """The asymmetric share of the stroke needs more nodes near its ends; between them the limits hold by construction."""
     x, y = np.array([-1.0, -0.3, -0.02, 0.02, 0.3, 1.0]), np.linspace(0.0, 0.5, 17)
     schedule = hc.tune(reference, x, y)
     assert schedule.ki.size < x.size * y.size / 2
