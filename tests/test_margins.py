@@ -6,6 +6,7 @@ import control
 import numpy as np
 import pytest
 
+from hydroctl.forms import StandardForm
 from hydroctl.frequency import sample
 from hydroctl.margins import Loop, analyse
 from hydroctl.regulators import Regulators
@@ -59,6 +60,33 @@ def test_a_resonant_loop_has_three_gain_crossings():
     upward = np.abs(found.phase_crossings.response) < 1
     assert 1 / np.abs(found.phase_crossings.response[upward]) == pytest.approx(2.2716, abs=5e-5)
     assert found.phase_crossings.omega[upward] == pytest.approx(10.005, abs=5e-4)
+
+
+@dataclass
+class DelayedLag(Published):
+    """A regulator on e^{-s}/(s + 1); the poles are those with the delay as a Pade fraction of order 12."""
+
+    regulator: StandardForm
+
+    def take(self, indices):
+        return replace(self, loops=[self.loops[i] for i in indices])
+
+    def poles(self):
+        K, Ti, Td = self.regulator.K, self.regulator.Ti, self.regulator.Td
+        law = control.tf([K * Ti * Td, K * Ti, K], [Ti, 0.0])
+        loop = law * control.tf(*control.pade(1.0, 12)) * control.tf([1.0], [1.0, 1.0])
+        return np.exp([control.feedback(loop, 1).poles()] * len(self.loops))
+
+
+def test_amigo_rules_reach_their_published_sensitivity_on_a_delayed_lag():
+    """Astrom and Hagglund (2004): K = (0.2 + 0.45 T/L)/Kp, Ti = L (0.4 L + 0.8 T)/(L + 0.1 T), Td = 0.5 L T/(0.3 L + T)
+    with L = T = 1."""
+    regulator = StandardForm(K=0.65, Ti=1.2 / 1.1, Td=0.5 / 1.3)
+    assert (regulator.Ti, regulator.Td) == pytest.approx((1.09091, 0.38462), abs=5e-6)
+    loop = DelayedLag([lambda s: regulator.frequency_response(s.imag) * np.exp(-s) / (s + 1)], regulator)
+    found = analyse(loop, np.geomspace(1e-3, 1e2, 2000))
+    assert found.Ms[0] == pytest.approx(1.3979, abs=5e-5)
+    assert found.stable.all()
 
 
 def test_sampled_loops_agree_with_python_control(regulated):
