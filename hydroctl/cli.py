@@ -95,7 +95,7 @@ def validate(
         with _progress(count) as advance:
             result = validation.campaign(loaded.actuator, loaded, count=count, seed=seed, directory=directory, on_progress=advance)
         scale = validation.scale_of(loaded.actuator, loaded.loop)
-        verdicts = result.verdicts(validation.default_requirements(scale, Mt=loaded.specification.Mt))
+        verdicts = result.verdicts(validation.default_requirements(scale, loaded.loop, Mt=loaded.specification.Mt))
         typer.echo("\n".join([f"{count} random cases, seed {seed}", *(f"  {verdict}" for verdict in verdicts)]))
         raise typer.Exit(0 if all(verdict.passed for verdict in verdicts) else 1)
     else:
