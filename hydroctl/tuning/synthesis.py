@@ -19,21 +19,25 @@ from .nodes import candidates, choose_nodes, mixing_matrix
 
 _SMALLEST_FLOW = 0.02
 _OPENINGS = np.array([_SMALLEST_FLOW, 0.06, 0.15, 0.4, 1.0])
-_POSITIONS = 25
+_POSITIONS = (9, 25)
+_RATIO_STEP = 0.2
+_FINE = 2001
 _REFINEMENTS = 6
 _TOLERANCE = 1e-4
 _LEAST_WINDUP_SAMPLES = 10
 
 
 def default_points(actuator: Actuator) -> tuple[np.ndarray, np.ndarray]:
-    """(x, y) design points: five openings a side, from the smallest at which a linear model is used, and twenty-five positions,
-    closer together towards the ends of the stroke, where the volumes change most.
+    """(x, y) design points: five openings a side, from the smallest at which a linear model is used, and 9 to 25 positions.
 
-    The smallest opening lets 2 % of the full flow pass; a dead band adds to it.
+    The smallest opening lets 2 % of the full flow pass; a dead band adds to it. From one position to the next the ratio of the
+    chamber volumes changes by the same factor, because the stiffness of the oil follows it.
     """
     openings = actuator.dead_band + _OPENINGS * (1.0 - actuator.dead_band)
-    angle = np.linspace(0.0, np.pi, _POSITIONS)
-    return np.concatenate([-openings[::-1], openings]), actuator.stroke * (1.0 - np.cos(angle)) / 2.0
+    y = np.linspace(0.0, actuator.stroke, _FINE)
+    ratio = np.log((actuator.volume_a + actuator.area_a * y) / (actuator.volume_b - actuator.area_b * y))
+    count = int(np.clip(np.ceil((ratio[-1] - ratio[0]) / _RATIO_STEP) + 1, *_POSITIONS))
+    return np.concatenate([-openings[::-1], openings]), np.interp(np.linspace(ratio[0], ratio[-1], count), ratio, y)
 
 
 def tune(
