@@ -117,7 +117,8 @@ def identify(
     """Identify the quasi-linear model from a measured record."""
     data = hydroctl.read_record(record, columns=_pairs("--column", column), units=_pairs("--unit", unit))
     actuator = None if machine is None else hydroctl.load_actuator(machine)
-    found = hydroctl.identify(data.t, data.x, data.v, data.y, basis=basis, actuator=actuator, method=method, settling=settling)
+    settings = {"basis": basis, "actuator": actuator, "method": method, "settling": settling}
+    found = hydroctl.identify(data.t, data.x, data.v, data.y, **settings, progress=_tell if sys.stderr.isatty() else None)
     fit = f"fit {found.fit.estimation:.2f} %, held out {found.fit.hold_out:.2f} %, one step {found.fit.one_step:.2f} %"
     typer.echo("\n".join([fit, found.model.table(), *found.restrictions]))
 
@@ -127,6 +128,10 @@ def _pairs(option: str, given: list[str] | None) -> dict[str, str]:
     if wrong := [name for name, sign, value in pairs if not (sign and value)]:
         raise hydroctl.InputError(f"{option} {wrong[0]} must have the form name=value.")
     return {name: value for name, _, value in pairs}
+
+
+def _tell(iteration: int, fit: float) -> None:
+    typer.echo(f"iteration {iteration}: fit {fit:.2f} %", err=True)
 
 
 @contextmanager
