@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+from test_datasheet import MALFORMED, UNREADABLE, _sheet
 
 import hydroctl as hc
 
@@ -71,6 +72,25 @@ def test_bad_arguments_are_one_message_and_code_2(command, monkeypatch, tmp_path
     assert (code, stdout) == (2, "")
     assert message in stderr
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("changes", [changes for changes, _ in MALFORMED], ids=lambda changes: ",".join(changes)[:40])
+def test_every_malformed_data_sheet_ends_with_code_2_and_no_traceback(command, tmp_path, changes):
+    path = tmp_path / "machine.toml"
+    path.write_text(_sheet(changes))
+    code, stdout, stderr = command("actuators", path)
+    assert (code, stdout) == (2, "")
+    assert all(line.strip() for line in stderr.strip().splitlines())
+    assert "Traceback" not in stderr
+
+
+@pytest.mark.parametrize("kind", UNREADABLE)
+def test_every_file_that_is_no_data_sheet_ends_with_code_2_and_no_traceback(command, tmp_path, kind):
+    path = tmp_path / "machine.toml"
+    path.write_bytes(UNREADABLE[kind][0])
+    code, stdout, stderr = command("actuators", path)
+    assert (code, stdout) == (2, "")
+    assert "Traceback" not in stderr
 
 
 def test_an_output_directory_that_cannot_be_made_is_code_2(command, tmp_path):
