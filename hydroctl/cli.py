@@ -81,7 +81,7 @@ def validate(
     count: Annotated[int, typer.Option(help="run this many random cases instead", min=0)] = 0,
     seed: Annotated[int, typer.Option(help="seed of the random cases", min=0)] = 0,
     directory: Annotated[Path | None, typer.Option("-o", "--output", help="keep finished cases here; a new run resumes")] = None,
-    replay: Annotated[int | None, typer.Option(help="run one random case again, by its seed, and print its metrics")] = None,
+    replay: Annotated[int | None, typer.Option(help="run one random case again, by its seed, and print its metrics", min=0)] = None,
 ) -> None:
     """Try a schedule on the nonlinear plant of the machine that it was designed for."""
     from . import validation

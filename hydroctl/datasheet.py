@@ -16,6 +16,7 @@ Keys are the parameters of `Actuator`, in SI or with a unit ("210 bar"), or one 
 from __future__ import annotations
 
 import math
+import os
 import tomllib
 from dataclasses import MISSING
 from importlib import resources
@@ -73,7 +74,7 @@ def load_actuator(name_or_path: str | Path) -> Actuator:
     faults of the file at once.
     """
     given = str(name_or_path)
-    if not (given.endswith(".toml") or "/" in given or "\\" in given or Path(given).is_file()):
+    if not (given.endswith(".toml") or "/" in given or "\\" in given or os.path.isfile(given)):
         if given not in list_actuators():
             raise InputError(unknown_name("actuator", given, list_actuators()) + " A data sheet's file name ends in .toml.")
         return _actuator(given, (_shipped() / f"{given}.toml").read_bytes(), given)

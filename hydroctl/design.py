@@ -37,9 +37,15 @@ def design(
     input that cannot be used, InfeasibleError where no regulator meets the specification.
     """
     specification = Specification() if specification is None else specification
+    if specification.delay_samples % 1.0:
+        raise InputError(
+            f"delay_samples = {specification.delay_samples:g}: the trial on the nonlinear plant takes whole samples; round it up "
+            "here, or call tune, whose margins know fractions."
+        )
     stage, seconds = _stopwatch()
     x, y = default_points(actuator)
-    openings = np.unique(np.concatenate([x, -_BETWEEN, _BETWEEN]))
+    between = actuator.dead_band + _BETWEEN * (1.0 - actuator.dead_band)
+    openings = np.unique(np.concatenate([x, -between, between]))
     points = stage("operating points", lambda: find_operating_points(actuator, openings[:, None], y))
     family = stage("linearization", lambda: linearize(actuator, points))
     reduced = stage("reduction", lambda: reduce_order(family))

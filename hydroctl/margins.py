@@ -47,7 +47,7 @@ class Loop:
 
 @dataclass(frozen=True, eq=False)
 class Margins:
-    """Margins over the shape (...) of the loops; frequencies in rad/s, phases in rad. Where a loop has no crossing: inf."""
+    """Margins over the shape (...) of the loops; frequencies in rad/s, phases in rad. A margin without its crossing is infinite."""
 
     Ms: np.ndarray
     """largest |S|"""
@@ -66,7 +66,7 @@ class Margins:
     delay_margin: np.ndarray
     """smallest further delay that brings L to -1, in s"""
     crossover: np.ndarray
-    """highest frequency with |L| = 1"""
+    """highest frequency with |L| = 1; 0 where |L| stays below 1"""
     stable: np.ndarray
     """True where all poles of the sampled closed loop lie inside the unit circle"""
     gain_crossings: Crossings
@@ -111,7 +111,7 @@ def analyse(loop, omega=None) -> Margins:
         "gain_margin": _least(size, phases.index[factor > 1.0], factor[factor > 1.0]),
         "phase_margin": _least(size, gains.index, np.abs(phase)),
         "delay_margin": _least(size, gains.index, lag / gains.omega),
-        "crossover": -_least(size, gains.index, -gains.omega),
+        "crossover": np.maximum(-_least(size, gains.index, -gains.omega), 0.0),
     }
     (Ms, Ms_frequency), (Mt, Mt_frequency) = (_peak(flat, omega, L, function) for function in (_sensitivity, _complementary))
     disk, _ = _peak(flat, omega, L, lambda value: np.abs(1.0 / (1.0 + value) - 0.5))

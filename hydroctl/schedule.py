@@ -20,7 +20,7 @@ from .frequency import SampledFamily, sample
 from .linearization import linearize
 from .margins import MARGIN_UNITS, Loop, Margins, analyse
 from .operating_point import find_operating_points
-from .regulators import Regulators, require_structure
+from .regulators import GAINS, STRUCTURES, Regulators, require_structure
 from .specification import Specification, variants
 
 
@@ -230,8 +230,9 @@ def _with_midpoints(nodes: np.ndarray) -> np.ndarray:
 
 
 _LAW = (
-    "e = r - m; d = (Tf*d + e - e_previous)/(Tf + Ts); u = notch(kp*e + I + kd*d) + x_ff; x = clip(u, limits); "
-    "I = I + Ts*(ki*e + (x - u)/Tt); x acts delay_samples after the measurement; m is {measured}"
+    "gains from the tables at (x of the previous sample, y); e = r - m; d = (Tf*d + e - e_previous)/(Tf + Ts); "
+    "u = notch(kp*e + I + kd*d) + x_ff, x_ff = 0 where v_ref = 0; x = clip(u, limits); I = I + Ts*(ki*e + (x - u)/Tt), but I stays "
+    "0 where ki is 0 in the whole table; x acts delay_samples after the measurement; all states start at 0; m is {measured}"
 )
 _MEASURED = {"velocity": "the speed v in m/s", "position": "the position y in m"}
 
@@ -308,16 +309,22 @@ def _to_document(schedule: GainSchedule) -> schedule_document.Document:
 
 
 def _achieved(worst: WorstPoint, unit: str) -> schedule_document.Achieved:
-    return schedule_document.Achieved(value=worst.value, unit=unit, variant=worst.variant, x=worst.x, y=worst.y)
+    value = worst.value if np.isfinite(worst.value) else None
+    return schedule_document.Achieved(value=value, unit=unit, variant=worst.variant, x=worst.x, y=worst.y)
 
 
 def _from_document(document: schedule_document.Document) -> GainSchedule:
     controller, machine, design = document.controller, document.actuator, document.design
     parameters = {name: quantity.value for name, quantity in machine.parameters.items()}
     actuator = Actuator(name=machine.name, source=machine.source, note=machine.note, **parameters)
+    if lacking := [name for name, value in actuator.parameters().items() if value is not None and name not in parameters]:
+        raise InputError(f"actuator.parameters lacks {', '.join(lacking)}.")
     if actuator.fingerprint() != machine.fingerprint:
         raise InputError("actuator.fingerprint does not belong to actuator.parameters; the file was changed after it was written.")
     require_structure(document.structure)
+    for table in document.scheduling.tables:
+        if table.name in GAINS and table.name not in STRUCTURES[document.structure] and np.any(table.values):
+            raise InputError(f"table {table.name} is not zero, but structure {document.structure!r} has no {table.name}.")
     specification = Specification(
         sample_time=controller.sample_time.value,
         delay_samples=controller.delay_samples,

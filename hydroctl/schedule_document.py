@@ -51,8 +51,13 @@ class Time(_Part):
 class Speed(_Part):
     """A speed in m/s, per unit of valve opening."""
 
-    value: Number
+    value: Positive
     unit: Literal["m/s"]
+
+
+def _require_ascending(name: str, values: list[float]) -> None:
+    if any(b <= a for a, b in pairwise(values)):
+        raise ValueError(f"{name} is not strictly ascending")
 
 
 class Axis(_Part):
@@ -64,9 +69,8 @@ class Axis(_Part):
     values: Annotated[list[Number], Field(min_length=1)]
 
     @model_validator(mode="after")
-    def _ascending(self):
-        if any(b <= a for a, b in pairwise(self.values)):
-            raise ValueError(f"axis {self.name} is not strictly ascending")
+    def _ordered(self):
+        _require_ascending(f"axis {self.name}", self.values)
         return self
 
 
@@ -145,6 +149,9 @@ class Machine(_Part):
     def _units(self):
         if faults := [unknown_name("parameter", name, PARAMETERS) for name in self.parameters if name not in PARAMETERS]:
             raise ValueError(" ".join(faults))
+        required = {name for name, spec in PARAMETERS.items() if spec.default is not None}
+        if missing := sorted(required - set(self.parameters)):
+            raise ValueError(f"parameter {', '.join(missing)} is missing")
         for name, quantity in self.parameters.items():
             if quantity.unit != (unit := PARAMETERS[name].metadata["unit"]):
                 raise ValueError(f"unit of {name} is {quantity.unit!r}, must be {unit!r}")
@@ -152,9 +159,9 @@ class Machine(_Part):
 
 
 class Achieved(_Part):
-    """The worst value of one margin, and where it is."""
+    """The worst value of one margin, and where it is; null where it is infinite."""
 
-    value: Number
+    value: Number | None
     unit: Literal["1", "rad", "s", "rad/s"]
     variant: str
     x: Number
@@ -181,6 +188,12 @@ class Design(_Part):
     Mt: Positive
     uncertainty: str | dict[str, tuple[Positive, Positive]]
     achieved: Margins
+
+    @model_validator(mode="after")
+    def _ordered(self):
+        _require_ascending("design.x", self.x)
+        _require_ascending("design.y", self.y)
+        return self
 
 
 class Document(_Part):

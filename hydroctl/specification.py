@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from numbers import Real
 
 from .actuator import PARAMETERS, Actuator
 from .errors import InputError, unknown_name
@@ -34,23 +35,32 @@ class Specification:
     """(zz, zp) of the notch; by default (0.2, 0.8) for the nominal plant alone and (0.3, 0.8) over an uncertainty"""
 
     def __post_init__(self):
-        faults = [fault for name, least in _LEAST.items() if (fault := _number_fault(name, getattr(self, name), least))]
+        faults = [fault for name, bound in _ABOVE.items() if (fault := _number_fault(name, getattr(self, name), bound))]
+        if not _is_number(self.delay_samples) or self.delay_samples < 0.0:
+            faults.append(f"delay_samples = {self.delay_samples!r} must be a finite number of at least 0.")
         faults += _uncertainty_faults(self.uncertainty)
-        if self.notch_damping is not None and not 0 < self.notch_damping[0] < self.notch_damping[1]:
-            faults.append(f"notch_damping = {self.notch_damping} must be (zz, zp) with 0 < zz < zp.")
+        damping = self.notch_damping
+        if damping is not None and not (_is_pair(damping) and 0 < damping[0] < damping[1]):
+            faults.append(f"notch_damping = {damping!r} must be (zz, zp) with 0 < zz < zp.")
         if faults:
             raise InputError(faults)
         if self.notch_damping is None:
             object.__setattr__(self, "notch_damping", (0.2 if self.uncertainty == "nominal" else 0.3, 0.8))
 
 
-_LEAST = {"sample_time": 0.0, "delay_samples": -1e-300, "Ms": 1.0, "Mt": 1.0, "Tf": 0.0}
+_ABOVE = {"sample_time": 0.0, "Ms": 1.0, "Mt": 1.0, "Tf": 0.0}
 
 
-def _number_fault(name: str, value: object, least: float) -> str | None:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value) or value <= least:
-        return f"{name} = {value!r} must be a finite number above {least:g}."
-    return None
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _is_pair(value: object) -> bool:
+    return isinstance(value, tuple) and len(value) == 2 and all(map(_is_number, value))
+
+
+def _number_fault(name: str, value: object, bound: float) -> str | None:
+    return None if _is_number(value) and value > bound else f"{name} = {value!r} must be a finite number above {bound:g}."
 
 
 def _uncertainty_faults(uncertainty) -> list[str]:
@@ -58,19 +68,26 @@ def _uncertainty_faults(uncertainty) -> list[str]:
         return [] if uncertainty in ("nominal", "corners") else [unknown_name("uncertainty", uncertainty, ("nominal", "corners"))]
     if not isinstance(uncertainty, Mapping):
         return [f'uncertainty = {uncertainty!r} must be "nominal", "corners" or factors such as {{"mass": (0.5, 1.5)}}.']
+    if not uncertainty:
+        return ['uncertainty names no parameter; write "nominal" for the nominal plant alone.']
     faults = [unknown_name("parameter", name, PARAMETERS) for name in uncertainty if name not in PARAMETERS]
     for name, factors in uncertainty.items():
-        if not (isinstance(factors, tuple) and len(factors) == 2 and 0 < factors[0] <= factors[1] < math.inf):
+        if not (_is_pair(factors) and 0 < factors[0] <= factors[1]):
             faults.append(f"uncertainty of {name} = {factors!r} must be two factors (low, high) with 0 < low <= high.")
     return faults
 
 
 def variants(actuator: Actuator, uncertainty: str | Mapping[str, tuple[float, float]]) -> dict[str, Actuator]:
-    """The plants that a design must hold on, by label; the first is the nominal one."""
+    """The plants that a design must hold on, by label; the first is the nominal one.
+
+    Raises InputError for a factor on a parameter that the actuator does not have or that is 0.
+    """
     if uncertainty == "nominal":
         return {"nominal": actuator}
     ranges = _CORNERS if uncertainty == "corners" else uncertainty
     common = {"supply_pressure": _HIGH_SUPPLY} if uncertainty == "corners" else {}
+    if absent := [name for name in ranges if not getattr(actuator, name)]:
+        raise InputError(f"uncertainty of {name} varies nothing: it is {getattr(actuator, name)}." for name in absent)
     plants = {"nominal": actuator}
     for factors in itertools.product(*ranges.values()):
         change = dict(zip(ranges, factors, strict=True)) | common
@@ -79,4 +96,4 @@ def variants(actuator: Actuator, uncertainty: str | Mapping[str, tuple[float, fl
 
 
 def _label(change: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} {100 * (factor - 1):+.0f} %" for name, factor in change.items())
+    return ", ".join(f"{name} {100 * (factor - 1):+.8g} %" for name, factor in change.items())

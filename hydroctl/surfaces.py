@@ -63,7 +63,8 @@ def _shortage(reduced: SecondOrderFamily, basis: Basis, side: str, mask: np.ndar
 
 
 def _condition(terms: np.ndarray) -> float:
-    return float(np.linalg.cond(terms / np.linalg.norm(terms, axis=0)))
+    size = np.linalg.norm(terms, axis=0)
+    return float(np.linalg.cond(terms / size)) if size.all() else np.inf
 
 
 def _surface(reduced: SecondOrderFamily, basis: Basis, mask: np.ndarray) -> Surface:

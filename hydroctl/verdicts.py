@@ -19,11 +19,11 @@ def margin_verdicts(schedule: GainSchedule) -> tuple[Verdict, ...]:
     verdicts = []
     for name, limit in (("Ms", specification.Ms), ("Mt", specification.Mt)):
         for where, mask, allowed, reason in (
-            ("at the design points", margins.designed, limit * _AT_NODES, "the specification"),
+            ("at the design points", margins.designed, limit * _AT_NODES, "the specification, and 0.5 % for the tuner's grid"),
             ("between them", ~margins.designed, limit + _BETWEEN, "the specification, and 0.02 for interpolated gains"),
         ):
             if mask.any():
-                verdicts.append(_verdict(f"{name} {where}", reason, margins.worst(name, where=mask), allowed))
+                verdicts.append(_verdict(f"{name} {where} (specified {limit:g})", reason, margins.worst(name, where=mask), allowed))
     k, i, j = np.unravel_index(np.argmin(margins.margins.stable), margins.margins.stable.shape)
     place = f"x={margins.x[i]:g}, y={margins.y[j]:g} m" if margins.unstable else "all points"
     variant = margins.variants[k] if margins.unstable else "all variants"

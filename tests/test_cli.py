@@ -63,7 +63,9 @@ def test_a_bad_data_sheet_is_one_message_and_code_2_and_leaves_nothing(command, 
         (("design", "referense"), "did you mean 'reference'"),
         (("design", "reference", "--structure", "pidd"), "did you mean 'pid'"),
         (("design", "reference", "--Ms", "0.5"), "Ms = 0.5"),
+        (("design", "reference", "--delay", "1.5"), "whole samples"),
         (("actuators", "nothing"), "is unknown"),
+        (("actuators", "a" * 5000), "is unknown"),
     ],
 )
 def test_bad_arguments_are_one_message_and_code_2(command, monkeypatch, tmp_path, arguments, message):

@@ -31,7 +31,20 @@ def test_all_faults_are_told_at_once():
         assert part in text
 
 
-@pytest.mark.parametrize("ranges", [{"masss": (0.5, 2.0)}, {"mass": (2.0, 0.5)}, {"mass": 0.5}, {"mass": (0.0, 1.0)}, 5])
+def test_close_factors_are_different_plants(reference):
+    assert len(variants(reference, {"mass": (1.0, 1.0004), "bulk_modulus": (0.9, 1.1)})) == 5
+
+
+@pytest.mark.parametrize("name", ["load_force", "valve_natural_frequency"])
+def test_a_factor_on_what_is_not_there_is_refused(reference, name):
+    with pytest.raises(hc.InputError, match=f"uncertainty of {name} varies nothing"):
+        variants(reference, {name: (0.5, 2.0)})
+
+
+BAD_RANGES = [{}, {"masss": (0.5, 2.0)}, {"mass": (2.0, 0.5)}, {"mass": 0.5}, {"mass": (0.0, 1.0)}, {"mass": ("a", "b")}, 5]
+
+
+@pytest.mark.parametrize("ranges", BAD_RANGES)
 def test_bad_ranges_are_refused(ranges):
     with pytest.raises(hc.InputError):
         hc.Specification(uncertainty=ranges)
