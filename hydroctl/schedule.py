@@ -283,6 +283,9 @@ def _to_document(schedule: GainSchedule) -> schedule_document.Document:
         y=schedule.design_y.tolist(),
         Ms=float(specification.Ms),
         Mt=float(specification.Mt),
+        gain_margin=specification.gain_margin,
+        phase_margin=_optional(d.Angle, specification.phase_margin, "rad"),
+        high_frequency_gain=_optional(d.Gain, specification.high_frequency_gain, units["kp"]),
         uncertainty=uncertainty if isinstance(uncertainty, str) else dict(uncertainty),
         achieved=d.Margins(**{name: _achieved(schedule.margins.worst(name), unit) for name, unit in MARGIN_UNITS.items()}),
     )
@@ -307,6 +310,10 @@ def _to_document(schedule: GainSchedule) -> schedule_document.Document:
     )
 
 
+def _optional(kind, value: float | None, unit: str):
+    return None if value is None else kind(value=value, unit=unit)
+
+
 def _achieved(worst: WorstPoint, unit: str) -> schedule_document.Achieved:
     return schedule_document.Achieved(value=worst.value, unit=unit, variant=worst.variant, x=worst.x, y=worst.y)
 
@@ -323,6 +330,9 @@ def _from_document(document: schedule_document.Document) -> GainSchedule:
         delay_samples=controller.delay_samples,
         Ms=design.Ms,
         Mt=design.Mt,
+        gain_margin=design.gain_margin,
+        phase_margin=None if design.phase_margin is None else design.phase_margin.value,
+        high_frequency_gain=None if design.high_frequency_gain is None else design.high_frequency_gain.value,
         uncertainty=design.uncertainty,
         Tf=controller.derivative_filter_time.value,
         notch_damping=(controller.notch_zero_damping, controller.notch_pole_damping) if "notch" in document.structure else None,

@@ -28,6 +28,12 @@ class Specification:
     """largest |T| allowed, above 1"""
     uncertainty: str | Mapping[str, tuple[float, float]] = "corners"
     """"nominal", "corners" (nominal; bulk modulus +-30 % with mass +-50 % at supply +20 %) or {parameter: (low, high) factors}"""
+    gain_margin: float | None = None
+    """least factor above 1 that may bring L to -1; None: no limit beside Ms and Mt"""
+    phase_margin: float | None = None
+    """least phase, of either sign, that may bring L to -1, in rad, below pi/2; None: no limit beside Ms and Mt"""
+    high_frequency_gain: float | None = None
+    """largest |C| at the Nyquist frequency, in x per m/s (velocity) or x per m (position); None: no limit"""
     Tf: float = 5e-4
     """derivative filter time in s"""
     notch_damping: tuple[float, float] | None = None
@@ -35,6 +41,10 @@ class Specification:
 
     def __post_init__(self):
         faults = [fault for name, least in _LEAST.items() if (fault := _number_fault(name, getattr(self, name), least))]
+        given = [(name, least) for name, least in _LEAST_OF_OPTIONAL.items() if getattr(self, name) is not None]
+        faults += [fault for name, least in given if (fault := _number_fault(name, getattr(self, name), least))]
+        if isinstance(self.phase_margin, (int, float)) and self.phase_margin >= math.pi / 2:
+            faults.append(f"phase_margin = {self.phase_margin!r} rad must be below pi/2 (90 degrees, the margin of an integrator).")
         faults += _uncertainty_faults(self.uncertainty)
         if self.notch_damping is not None and not 0 < self.notch_damping[0] < self.notch_damping[1]:
             faults.append(f"notch_damping = {self.notch_damping} must be (zz, zp) with 0 < zz < zp.")
@@ -45,6 +55,7 @@ class Specification:
 
 
 _LEAST = {"sample_time": 0.0, "delay_samples": -1e-300, "Ms": 1.0, "Mt": 1.0, "Tf": 0.0}
+_LEAST_OF_OPTIONAL = {"gain_margin": 1.0, "phase_margin": 0.0, "high_frequency_gain": 0.0}
 
 
 def _number_fault(name: str, value: object, least: float) -> str | None:
