@@ -54,7 +54,7 @@ def tune(
     x must not hold 0 (see `GainSchedule`). Raises InputError for points that no linear model can describe, InfeasibleError
     where no gain meets the limits.
     """
-    task = _task(actuator, x, y, loop, structure, specification)
+    task = task_of(actuator, x, y, loop, structure, specification)
     rows, columns = candidates(task.x, task.y)
     coarse = task.part(rows, columns)
     every = mixing_matrix(coarse.x, coarse.y, coarse.x, coarse.y)
@@ -64,14 +64,15 @@ def tune(
     rows, columns = choose_nodes(coarse.x, coarse.y, best)
     nodes, natural = (coarse.x[rows], coarse.y[columns]), coarse.natural[np.ix_(rows, columns)]
     if natural.size == task.natural.size:
-        return _schedule(task, nodes, natural, _synthesize(task, natural, every, small, gains=alone))
+        gains = _synthesize(task, natural, every, small, gains=alone)
+        return assemble_schedule(task, nodes, task.regulators(gains, natural))
     mix = mixing_matrix(*nodes, task.x, task.y)
     notch_frequency = (mix @ natural.ravel()).reshape(task.natural.shape)
     small = _small_gains(task, notch_frequency)
     safe = np.array([small[column.nonzero()[0]].min(axis=0) for column in mix.toarray().T])
     worth = 1.0 / (mixing_matrix(coarse.x, coarse.y, task.x, task.y) @ best.ravel())
     gains = _synthesize(task, notch_frequency, mix, safe, worth)
-    return _schedule(task, nodes, natural, gains)
+    return assemble_schedule(task, nodes, task.regulators(gains, natural))
 
 
 def tune_fixed(
@@ -82,17 +83,18 @@ def tune_fixed(
     This is the robust constant regulator of the source paper's section 5; its notch stands at the middle of the nominal
     plant's natural frequencies. Arguments and errors as in `tune`.
     """
-    task = _task(actuator, x, y, loop, structure, specification)
+    task = task_of(actuator, x, y, loop, structure, specification)
     middle = np.sqrt(task.natural.min() * task.natural.max())
     notch_frequency = np.full(task.natural.shape, middle)
     safe = _small_gains(task, notch_frequency).min(axis=0, keepdims=True)
     mix = mixing_matrix(task.x[-1:], task.y[-1:], task.x, task.y)
     gains = _synthesize(task, notch_frequency, mix, safe)
-    return _schedule(task, (task.x[-1:], task.y[[len(task.y) // 2]]), np.array([[middle]]), gains)
+    nodes = task.x[-1:], task.y[[len(task.y) // 2]]
+    return assemble_schedule(task, nodes, task.regulators(gains, np.array([[middle]])))
 
 
 @dataclass(frozen=True, eq=False)
-class _Task:
+class Task:
     """What is to be tuned: the sampled plants (variants, nx, ny) at the points x by y, and for what."""
 
     actuator: Actuator
@@ -101,13 +103,18 @@ class _Task:
     structure: str
     x: np.ndarray
     y: np.ndarray
+    labels: tuple[str, ...]
     plants: SampledFamily
 
-    def part(self, rows, columns) -> _Task:
+    def part(self, rows, columns) -> Task:
         """The same task at some of the points."""
         flat = np.ravel_multi_index(np.ix_(range(self.plants.shape[0]), rows, columns), self.plants.shape)
         plants = self.plants.take(flat.ravel()).reshape(*flat.shape)
         return replace(self, x=self.x[rows], y=self.y[columns], plants=plants)
+
+    def place(self, k: int, i: int, j: int) -> str:
+        """The words for plant k at point (i, j)."""
+        return f"x={self.x[i]:g}, y={self.y[j]:g} m, {self.labels[k]} plant"
 
     @property
     def natural(self) -> np.ndarray:
@@ -161,14 +168,15 @@ class _Task:
         return self.regulators(np.zeros((notch_frequency.size, len(self.used))), notch_frequency)
 
 
-def _task(actuator: Actuator, x, y, loop: str, structure: str, specification: Specification | None) -> _Task:
+def task_of(actuator: Actuator, x, y, loop: str, structure: str, specification: Specification | None) -> Task:
+    """The task with its arguments checked: errors as in `tune`."""
     specification = Specification() if specification is None else specification
     require_structure(structure)
     x, y = _points("x", x), _points("y", y)
     if (x == 0.0).any():
         raise InputError("x = 0 cannot be a node, because the plant has no derivative there; use a small opening of either sign.")
-    _, plants = sampled_plants(actuator, x, y, loop, specification)
-    return _Task(actuator, specification, loop, structure, x, y, plants)
+    labels, plants = sampled_plants(actuator, x, y, loop, specification)
+    return Task(actuator, specification, loop, structure, x, y, tuple(labels), plants)
 
 
 def _points(name: str, values) -> np.ndarray:
@@ -178,7 +186,7 @@ def _points(name: str, values) -> np.ndarray:
     return points
 
 
-def _small_gains(task: _Task, notch_frequency: np.ndarray) -> np.ndarray:
+def _small_gains(task: Task, notch_frequency: np.ndarray) -> np.ndarray:
     """(points, t): small gains from which the tuner may start. InfeasibleError names the first point without any."""
     limits = limits_of(task.specification)
     phi = task.terms(notch_frequency, task.frequencies())
@@ -193,7 +201,7 @@ def _small_gains(task: _Task, notch_frequency: np.ndarray) -> np.ndarray:
 
 
 def _synthesize(
-    task: _Task, notch_frequency, mix, safe: np.ndarray, worth=None, *, gains: np.ndarray | None = None, rounds: int = _REFINEMENTS
+    task: Task, notch_frequency, mix, safe: np.ndarray, worth=None, *, gains: np.ndarray | None = None, rounds: int = _REFINEMENTS
 ) -> np.ndarray:
     """Gains (N, t) at the nodes of `mix` (points, N) that hold at all points; `worth` (points,) weighs them.
 
@@ -219,15 +227,15 @@ def _synthesize(
     return gains
 
 
-def _start(task: _Task, phi, mix, safe, worth, limits, bounds: Bounds) -> np.ndarray:
+def _start(task: Task, phi, mix, safe, worth, limits, bounds: Bounds) -> np.ndarray:
     """`safe`; but with small gains the set of a phase margin holds ki of a position loop at 0, so that kp then comes first."""
     if task.specification.phase_margin is None or task.first == task.objective:
         return safe
     return half_of_largest(phi, mix, safe, task.first, worth, limits, bounds)
 
 
-def _schedule(task: _Task, nodes, notch_frequency: np.ndarray, gains: np.ndarray) -> GainSchedule:
-    regulators = task.regulators(gains, notch_frequency)
+def assemble_schedule(task: Task, nodes, regulators: Regulators) -> GainSchedule:
+    """The schedule of `regulators` at `nodes` (x, y)."""
     return GainSchedule(
         actuator=task.actuator,
         specification=task.specification,
@@ -240,7 +248,7 @@ def _schedule(task: _Task, nodes, notch_frequency: np.ndarray, gains: np.ndarray
         kp=regulators.kp,
         ki=regulators.ki,
         kd=regulators.kd,
-        notch_frequency=notch_frequency,
+        notch_frequency=regulators.notch_frequency,
         zz=regulators.zz,
         zp=regulators.zp,
         Tt=_anti_windup_time(regulators.kp, regulators.ki, task.specification.sample_time),
