@@ -285,6 +285,7 @@ def _to_document(schedule: GainSchedule) -> schedule_document.Document:
         Mt=float(specification.Mt),
         gain_margin=specification.gain_margin,
         phase_margin=_optional(d.Angle, specification.phase_margin, "rad"),
+        min_crossover=_optional(d.Frequency, specification.min_crossover, "rad/s"),
         high_frequency_gain=_optional(d.Gain, specification.high_frequency_gain, units["kp"]),
         uncertainty=uncertainty if isinstance(uncertainty, str) else dict(uncertainty),
         achieved=d.Margins(**{name: _achieved(schedule.margins.worst(name), unit) for name, unit in MARGIN_UNITS.items()}),
@@ -310,6 +311,9 @@ def _to_document(schedule: GainSchedule) -> schedule_document.Document:
     )
 
 
+_OPTIONAL_LIMITS = ("phase_margin", "high_frequency_gain", "min_crossover")
+
+
 def _optional(kind, value: float | None, unit: str):
     return None if value is None else kind(value=value, unit=unit)
 
@@ -331,8 +335,7 @@ def _from_document(document: schedule_document.Document) -> GainSchedule:
         Ms=design.Ms,
         Mt=design.Mt,
         gain_margin=design.gain_margin,
-        phase_margin=None if design.phase_margin is None else design.phase_margin.value,
-        high_frequency_gain=None if design.high_frequency_gain is None else design.high_frequency_gain.value,
+        **{name: None if (limit := getattr(design, name)) is None else limit.value for name in _OPTIONAL_LIMITS},
         uncertainty=design.uncertainty,
         Tf=controller.derivative_filter_time.value,
         notch_damping=(controller.notch_zero_damping, controller.notch_pole_damping) if "notch" in document.structure else None,

@@ -55,6 +55,13 @@ class Angle(_Part):
     unit: Literal["rad"]
 
 
+class Frequency(_Part):
+    """An angular frequency."""
+
+    value: Positive
+    unit: Literal["rad/s"]
+
+
 class Gain(_Part):
     """A gain of the regulator, in the unit of kp."""
 
@@ -196,6 +203,7 @@ class Design(_Part):
     gain_margin: Positive | None
     phase_margin: Angle | None
     high_frequency_gain: Gain | None
+    min_crossover: Frequency | None
     uncertainty: str | dict[str, tuple[Positive, Positive]]
     achieved: Margins
 

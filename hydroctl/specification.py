@@ -34,6 +34,8 @@ class Specification:
     """least phase, of either sign, that may bring L to -1, in rad, below pi/2; None: no limit beside Ms and Mt"""
     high_frequency_gain: float | None = None
     """largest |C| at the Nyquist frequency, in x per m/s (velocity) or x per m (position); None: no limit"""
+    min_crossover: float | None = None
+    """least crossover that the tuned loop must reach on every plant, in rad/s; None: as low as the other limits demand"""
     Tf: float = 5e-4
     """derivative filter time in s"""
     notch_damping: tuple[float, float] | None = None
@@ -55,7 +57,7 @@ class Specification:
 
 
 _LEAST = {"sample_time": 0.0, "delay_samples": -1e-300, "Ms": 1.0, "Mt": 1.0, "Tf": 0.0}
-_LEAST_OF_OPTIONAL = {"gain_margin": 1.0, "phase_margin": 0.0, "high_frequency_gain": 0.0}
+_LEAST_OF_OPTIONAL = {"gain_margin": 1.0, "phase_margin": 0.0, "high_frequency_gain": 0.0, "min_crossover": 0.0}
 
 
 def _number_fault(name: str, value: object, least: float) -> str | None:

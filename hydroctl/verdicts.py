@@ -14,7 +14,7 @@ _AT_NODES = 1.005
 _BETWEEN = 0.02
 """what interpolated gains may add to Ms and Mt between the design points, and take from a phase margin (rad)"""
 _BETWEEN_FACTOR = 0.98
-"""what interpolated gains may leave of a gain margin between the design points"""
+"""what interpolated gains may leave of a gain margin and a crossover between the design points"""
 _LINEAR_PROGRAM = 1.0 + 1e-6
 """what the tuner's linear programs may leave above a bound on the gains"""
 
@@ -43,8 +43,11 @@ def margin_verdicts(schedule: GainSchedule) -> tuple[Verdict, ...]:
 
 def _minimum_verdicts(schedule: GainSchedule):
     specification, margins = schedule.specification, schedule.margins
-    for name, between in (("gain_margin", lambda limit: limit * _BETWEEN_FACTOR), ("phase_margin", lambda limit: limit - _BETWEEN)):
-        limit = getattr(specification, name)
+    for name, limit, between in (
+        ("gain_margin", specification.gain_margin, lambda limit: limit * _BETWEEN_FACTOR),
+        ("phase_margin", specification.phase_margin, lambda limit: limit - _BETWEEN),
+        ("crossover", specification.min_crossover, lambda limit: limit * _BETWEEN_FACTOR),
+    ):
         if limit is None:
             continue
         for where, mask, least in (

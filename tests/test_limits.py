@@ -1,5 +1,7 @@
 """The sets that loops must stay out of, and designs with margins beyond Ms and Mt."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -104,7 +106,7 @@ def test_a_design_that_misses_a_further_limit_fails_its_verdicts(reference):
 
 
 def test_the_further_limits_are_in_the_file_and_read_back(reference, tmp_path):
-    limits = {"gain_margin": 3.0, "phase_margin": 1.0, "high_frequency_gain": 3.0}
+    limits = {"gain_margin": 3.0, "phase_margin": 1.0, "high_frequency_gain": 3.0, "min_crossover": 10.0}
     schedule, _ = _designed(reference, "velocity", "pi", **limits)
     path = schedule.save(tmp_path / "schedule.json")
     assert hc.load_schedule(path).specification == schedule.specification
@@ -112,6 +114,50 @@ def test_the_further_limits_are_in_the_file_and_read_back(reference, tmp_path):
     path.write_text(changed)
     with pytest.raises(hc.InputError, match="unit of high_frequency_gain is '1/m', must be 's/m'"):
         hc.load_schedule(path)
+
+
+DELAYED = {"Ms": 1.05, "delay_samples": 20.0}
+
+
+def _largest_delayed_integrator(delay, Ms):
+    """k of L = k e^{-j w delay}/(j w), whose crossover is k, with max |S| = Ms: by bisection on a dense grid."""
+    unit = np.exp(-1j * np.linspace(1e-3, 6.0, 60_000)) / (1j * np.linspace(1e-3, 6.0, 60_000))
+    low, high = 0.0, 1.0
+    for _ in range(50):
+        k = (low + high) / 2.0
+        low, high = (k, high) if np.abs(1.0 + k * unit).min() >= 1.0 / Ms else (low, k)
+    return low / delay
+
+
+def test_a_crossover_out_of_reach_names_limit_place_variant_and_what_is_feasible(reference):
+    """At so low a crossover the loop is an integrator with the delay and half a sample of hold; kp and the plant's own lag a1/a2
+    (under 1 ms against 20.5 ms), and the higher static gain of the corners, change its crossover by less than a fifth.
+    """
+    with pytest.raises(hc.InfeasibleError) as caught:
+        _designed(reference, "velocity", "pi", **DELAYED, min_crossover=20.0)
+    text = str(caught.value)
+    found = re.fullmatch(
+        r"x=\S+, y=\S+ m, .* plant: the largest gains cross over at (\S+) rad/s, below min_crossover = 20 rad/s; "
+        r"Ms <= 1.05 binds \(x=\S+, y=\S+ m, .* plant\). Feasible is min_crossover = (\S+) rad/s; .*",
+        text,
+    )
+    assert found, text
+    assert float(found[1]) == pytest.approx(_largest_delayed_integrator(20.5e-3, 1.05), rel=0.2)
+    schedule, worst = _designed(reference, "velocity", "pi", **DELAYED, min_crossover=float(found[2]))
+    assert worst("crossover") >= float(found[2])
+    verdicts = {verdict.name: verdict for verdict in margin_verdicts(schedule)}
+    assert verdicts["crossover at the design points"].passed
+
+
+def test_a_fixed_regulator_out_of_reach_names_the_point(reference):
+    specification = hc.Specification(min_crossover=1e3)
+    with pytest.raises(hc.InfeasibleError, match=r"x=(-1|-0.1), y=0.2 m, .* plant: .*Ms <= 1.6 binds \(x="):
+        hc.tune_fixed(reference, X, Y, specification=specification)
+
+
+def test_a_limit_that_no_gain_keeps_is_named(reference):
+    with pytest.raises(hc.InfeasibleError, match=r"x=-1, y=0.2 m, .* plant: no gain, however small, keeps phase_margin >= 1.57"):
+        _designed(reference, "velocity", "pi", phase_margin=1.57)
 
 
 def test_faults_of_the_further_limits_are_told_at_once():

@@ -9,7 +9,7 @@ import numpy as np
 from ..actuator import Actuator
 from ..errors import InfeasibleError, InputError
 from ..frequency import SampledFamily, frequency_grid
-from ..margins import Loop, peaks
+from ..margins import Loop, analyse, peaks
 from ..operating_point import find_operating_points
 from ..regulators import GAINS, STRUCTURES, Regulators, require_structure
 from ..schedule import GainSchedule, sampled_plants
@@ -24,6 +24,7 @@ _POSITIONS = (9, 25)
 _RATIO_STEP = 0.2
 _FINE = 2001
 _REFINEMENTS = 6
+_VANISHING = 1e-9
 _LEAST_WINDUP_SAMPLES = 10
 _GRID_POINTS_FOR_PHASE_MARGIN = 480
 """the corners of the set of a phase margin would slip between coarser frequencies"""
@@ -52,7 +53,7 @@ def tune(
     together, so that the interpolated ones keep the limits at every point.
 
     x must not hold 0 (see `GainSchedule`). Raises InputError for points that no linear model can describe, InfeasibleError
-    where no gain meets the limits.
+    where no gain meets the limits, or their largest crossover is below `min_crossover`.
     """
     task = task_of(actuator, x, y, loop, structure, specification)
     rows, columns = candidates(task.x, task.y)
@@ -65,6 +66,7 @@ def tune(
     nodes, natural = (coarse.x[rows], coarse.y[columns]), coarse.natural[np.ix_(rows, columns)]
     if natural.size == task.natural.size:
         gains = _synthesize(task, natural, every, small, gains=alone)
+        _require_crossover(task, task.regulators(gains, natural))
         return assemble_schedule(task, nodes, task.regulators(gains, natural))
     mix = mixing_matrix(*nodes, task.x, task.y)
     notch_frequency = (mix @ natural.ravel()).reshape(task.natural.shape)
@@ -72,6 +74,7 @@ def tune(
     safe = np.array([small[column.nonzero()[0]].min(axis=0) for column in mix.toarray().T])
     worth = 1.0 / (mixing_matrix(coarse.x, coarse.y, task.x, task.y) @ best.ravel())
     gains = _synthesize(task, notch_frequency, mix, safe, worth)
+    _require_crossover(task, task.regulators(mix @ gains, notch_frequency))
     return assemble_schedule(task, nodes, task.regulators(gains, natural))
 
 
@@ -89,6 +92,7 @@ def tune_fixed(
     safe = _small_gains(task, notch_frequency).min(axis=0, keepdims=True)
     mix = mixing_matrix(task.x[-1:], task.y[-1:], task.x, task.y)
     gains = _synthesize(task, notch_frequency, mix, safe)
+    _require_crossover(task, task.regulators(mix @ gains, notch_frequency))
     nodes = task.x[-1:], task.y[[len(task.y) // 2]]
     return assemble_schedule(task, nodes, task.regulators(gains, np.array([[middle]])))
 
@@ -191,12 +195,8 @@ def _small_gains(task: Task, notch_frequency: np.ndarray) -> np.ndarray:
     limits = limits_of(task.specification)
     phi = task.terms(notch_frequency, task.frequencies())
     gains = small_gains(phi, list(limits.values()), task.bounds(notch_frequency), first=task.first)
-    if (failed := np.isnan(gains).any(axis=1)).any():
-        i, j = np.unravel_index(np.argmax(failed), notch_frequency.shape)
-        raise InfeasibleError(
-            f"x={task.x[i]:g}, y={task.y[j]:g} m: no gain, however small, keeps {' and '.join(limits)}. "
-            "Raise a limit or shorten the delay."
-        )
+    if np.isnan(gains).any():
+        raise InfeasibleError(_no_start(task, phi, gains))
     return gains
 
 
@@ -232,6 +232,36 @@ def _start(task: Task, phi, mix, safe, worth, limits, bounds: Bounds) -> np.ndar
     if task.specification.phase_margin is None or task.first == task.objective:
         return safe
     return half_of_largest(phi, mix, safe, task.first, worth, limits, bounds)
+
+
+def _no_start(task: Task, phi, gains) -> str:
+    """Which limit even a vanishing gain breaks by most, and on which plant, at the first point where `gains` are NaN."""
+    limits = limits_of(task.specification)
+    point = int(np.argmax(np.isnan(gains).any(axis=1)))
+    L = _VANISHING * phi[point, :, task.first] / np.abs(phi[point, :, task.first]).max()
+    intrusion = np.stack([limit.intrusion(L) for limit in limits.values()])
+    broken, row = np.unravel_index(np.argmax(intrusion), intrusion.shape)
+    place = task.place(row * len(task.labels) // L.size, *np.unravel_index(point, task.natural.shape))
+    return f"{place}: no gain, however small, keeps {list(limits)[broken]}. Relax this limit or shorten the delay."
+
+
+def _require_crossover(task: Task, regulators: Regulators) -> None:
+    """InfeasibleError where the crossover of `regulators` (nx, ny) is below `min_crossover`, with the limit nearest to binding."""
+    least = task.specification.min_crossover
+    if least is None:
+        return
+    limits, loops = limits_of(task.specification), Loop(task.plants, regulators.broadcast_to(task.plants.shape))
+    crossover = np.maximum(analyse(loops).crossover, 0.0)
+    if crossover.min() >= least:
+        return
+    k, i, j = np.unravel_index(np.argmin(crossover), crossover.shape)
+    intrusion = peaks(loops, [limit.intrusion for limit in limits.values()])[0][:, i, j]
+    at, binding = np.unravel_index(np.argmax(intrusion), intrusion.shape)
+    raise InfeasibleError(
+        f"{task.place(k, i, j)}: the largest gains cross over at {crossover[k, i, j]:.4g} rad/s, below min_crossover = {least:g} "
+        f"rad/s; {list(limits)[binding]} binds ({task.place(at, i, j)}). Feasible is min_crossover = "
+        f"{0.999 * crossover[k, i, j]:.4g} rad/s; for more, relax that limit or shorten the delay."
+    )
 
 
 def assemble_schedule(task: Task, nodes, regulators: Regulators) -> GainSchedule:
