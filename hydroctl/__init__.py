@@ -53,6 +53,7 @@ _HOME = {
     "step_scenarios": "validation",
     "tracking_scenarios": "validation",
     "tune": "tuning",
+    "tune_fast": "tuning",
     "tune_fixed": "tuning",
     "validate": "validation",
 }

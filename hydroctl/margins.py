@@ -121,12 +121,12 @@ def analyse(loop, omega=None) -> Margins:
     return Margins(**shaped, gain_crossings=gains, phase_crossings=phases)
 
 
-def peaks(loop):
-    """((Ms, omega), (Mt, omega)) of every loop in `loop`: the largest |S| and |T|, and where in rad/s."""
+def peaks(loop, functions):
+    """(values, omega), each (..., f): the largest value over frequency of each of f functions of L, and where in rad/s."""
     flat, omega = _flat(loop, None)
     L = flat.frequency_response(omega)
-    found = (_peak(flat, omega, L, function) for function in (_sensitivity, _complementary))
-    return tuple((peak.reshape(loop.shape), where.reshape(loop.shape)) for peak, where in found)
+    found = zip(*(_peak(flat, omega, L, function) for function in functions), strict=True)
+    return tuple(np.stack(parts, axis=-1).reshape(*loop.shape, -1) for parts in found)
 
 
 def _flat(loop, omega):

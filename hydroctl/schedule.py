@@ -284,6 +284,10 @@ def _to_document(schedule: GainSchedule) -> schedule_document.Document:
         y=schedule.design_y.tolist(),
         Ms=float(specification.Ms),
         Mt=float(specification.Mt),
+        gain_margin=specification.gain_margin,
+        phase_margin=_optional(d.Angle, specification.phase_margin, "rad"),
+        min_crossover=_optional(d.Frequency, specification.min_crossover, "rad/s"),
+        high_frequency_gain=_optional(d.Gain, specification.high_frequency_gain, units["kp"]),
         uncertainty=uncertainty if isinstance(uncertainty, str) else dict(uncertainty),
         achieved=d.Margins(**{name: _achieved(schedule.margins.worst(name), unit) for name, unit in MARGIN_UNITS.items()}),
     )
@@ -308,6 +312,13 @@ def _to_document(schedule: GainSchedule) -> schedule_document.Document:
     )
 
 
+_OPTIONAL_LIMITS = ("phase_margin", "high_frequency_gain", "min_crossover")
+
+
+def _optional(kind, value: float | None, unit: str):
+    return None if value is None else kind(value=value, unit=unit)
+
+
 def _achieved(worst: WorstPoint, unit: str) -> schedule_document.Achieved:
     value = worst.value if np.isfinite(worst.value) else None
     return schedule_document.Achieved(value=value, unit=unit, variant=worst.variant, x=worst.x, y=worst.y)
@@ -330,6 +341,8 @@ def _from_document(document: schedule_document.Document) -> GainSchedule:
         delay_samples=controller.delay_samples,
         Ms=design.Ms,
         Mt=design.Mt,
+        gain_margin=design.gain_margin,
+        **{name: None if (limit := getattr(design, name)) is None else limit.value for name in _OPTIONAL_LIMITS},
         uncertainty=design.uncertainty,
         Tf=controller.derivative_filter_time.value,
         notch_damping=(controller.notch_zero_damping, controller.notch_pole_damping) if "notch" in document.structure else None,

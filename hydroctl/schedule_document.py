@@ -48,6 +48,27 @@ class Time(_Part):
     unit: Literal["s"]
 
 
+class Angle(_Part):
+    """An angle in rad."""
+
+    value: Positive
+    unit: Literal["rad"]
+
+
+class Frequency(_Part):
+    """An angular frequency."""
+
+    value: Positive
+    unit: Literal["rad/s"]
+
+
+class Gain(_Part):
+    """A gain of the regulator, in the unit of kp."""
+
+    value: Positive
+    unit: str
+
+
 class Speed(_Part):
     """A speed in m/s, per unit of valve opening."""
 
@@ -186,6 +207,10 @@ class Design(_Part):
     y: Annotated[list[Number], Field(min_length=1)]
     Ms: Positive
     Mt: Positive
+    gain_margin: Positive | None
+    phase_margin: Angle | None
+    high_frequency_gain: Gain | None
+    min_crossover: Frequency | None
     uncertainty: str | dict[str, tuple[Positive, Positive]]
     achieved: Margins
 
@@ -212,6 +237,9 @@ class Document(_Part):
 
     @model_validator(mode="after")
     def _gain_units(self):
+        limit, unit = self.design.high_frequency_gain, GAIN_UNITS[self.loop]["kp"]
+        if limit is not None and limit.unit != unit:
+            raise ValueError(f"unit of high_frequency_gain is {limit.unit!r}, must be {unit!r} for a {self.loop} loop")
         for table in self.scheduling.tables:
             if table.unit != (unit := GAIN_UNITS[self.loop][table.name]):
                 raise ValueError(f"unit of table {table.name} is {table.unit!r}, must be {unit!r} for a {self.loop} loop")

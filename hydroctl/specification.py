@@ -29,6 +29,14 @@ class Specification:
     """largest |T| allowed, above 1"""
     uncertainty: str | Mapping[str, tuple[float, float]] = "corners"
     """"nominal", "corners" (nominal; bulk modulus +-30 % with mass +-50 % at supply +20 %) or {parameter: (low, high) factors}"""
+    gain_margin: float | None = None
+    """least factor above 1 that may bring L to -1; None: no limit beside Ms and Mt"""
+    phase_margin: float | None = None
+    """least phase, of either sign, that may bring L to -1, in rad, below pi/2; None: no limit beside Ms and Mt"""
+    high_frequency_gain: float | None = None
+    """largest |C| at the Nyquist frequency, in x per m/s (velocity) or x per m (position); None: no limit"""
+    min_crossover: float | None = None
+    """least crossover that the tuned loop must reach on every plant, in rad/s; None: as low as the other limits demand"""
     Tf: float = 5e-4
     """derivative filter time in s"""
     notch_damping: tuple[float, float] | None = None
@@ -38,6 +46,10 @@ class Specification:
         faults = [fault for name, bound in _ABOVE.items() if (fault := _number_fault(name, getattr(self, name), bound))]
         if not _is_number(self.delay_samples) or self.delay_samples < 0.0:
             faults.append(f"delay_samples = {self.delay_samples!r} must be a finite number of at least 0.")
+        optional = {name: bound for name, bound in _ABOVE_IF_GIVEN.items() if getattr(self, name) is not None}
+        faults += [fault for name, bound in optional.items() if (fault := _number_fault(name, getattr(self, name), bound))]
+        if _is_number(self.phase_margin) and self.phase_margin >= math.pi / 2:
+            faults.append(f"phase_margin = {self.phase_margin!r} rad must be below pi/2 (90 degrees, the margin of an integrator).")
         faults += _uncertainty_faults(self.uncertainty)
         damping = self.notch_damping
         if damping is not None and not (_is_pair(damping) and 0 < damping[0] < damping[1]):
@@ -49,6 +61,7 @@ class Specification:
 
 
 _ABOVE = {"sample_time": 0.0, "Ms": 1.0, "Mt": 1.0, "Tf": 0.0}
+_ABOVE_IF_GIVEN = {"gain_margin": 1.0, "phase_margin": 0.0, "high_frequency_gain": 0.0, "min_crossover": 0.0}
 
 
 def _is_number(value: object) -> bool:

@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 
+from .margins import MARGIN_UNITS
 from .schedule import GainSchedule, WorstPoint
+from .schedule_document import GAIN_UNITS
 from .validation import Verdict
 
 _AT_NODES = 1.005
 """what the tuner's frequency grid may leave above a limit"""
 _BETWEEN = 0.02
-"""what interpolated gains may add to Ms and Mt between the design points"""
+"""what interpolated gains may add to Ms and Mt between the design points, and take from a phase margin (rad)"""
+_BETWEEN_FACTOR = 0.98
+"""what interpolated gains may leave of a gain margin and a crossover between the design points"""
+_LINEAR_PROGRAM = 1.0 + 1e-6
+"""what the tuner's linear programs may leave above a bound on the gains"""
 
 
 def margin_verdicts(schedule: GainSchedule) -> tuple[Verdict, ...]:
-    """Ms and Mt at the design points and between them, and the number of unstable loops, over all variants."""
+    """Every limit of the specification at the design points and between them, and unstable loops, over all variants."""
     specification, margins = schedule.specification, schedule.margins
     verdicts = []
     for name, limit in (("Ms", specification.Ms), ("Mt", specification.Mt)):
@@ -24,12 +30,47 @@ def margin_verdicts(schedule: GainSchedule) -> tuple[Verdict, ...]:
         ):
             if mask.any():
                 verdicts.append(_verdict(f"{name} {where} (specified {limit:g})", reason, margins.worst(name, where=mask), allowed))
+    verdicts += _minimum_verdicts(schedule)
+    if specification.high_frequency_gain is not None:
+        verdicts.append(_high_frequency_verdict(schedule, specification.high_frequency_gain))
     k, i, j = np.unravel_index(np.argmin(margins.margins.stable), margins.margins.stable.shape)
     place = f"x={margins.x[i]:g}, y={margins.y[j]:g} m" if margins.unstable else "all points"
     variant = margins.variants[k] if margins.unstable else "all variants"
     count = float(margins.unstable)
     verdicts.append(Verdict("unstable closed loops", "", "poles of the sampled loop", 0.0, count, count == 0.0, place, variant))
     return tuple(verdicts)
+
+
+def _minimum_verdicts(schedule: GainSchedule):
+    specification, margins = schedule.specification, schedule.margins
+    for name, limit, between in (
+        ("gain_margin", specification.gain_margin, lambda limit: limit * _BETWEEN_FACTOR),
+        ("phase_margin", specification.phase_margin, lambda limit: limit - _BETWEEN),
+        ("crossover", specification.min_crossover, lambda limit: limit * _BETWEEN_FACTOR),
+    ):
+        if limit is None:
+            continue
+        for where, mask, least in (
+            ("at the design points", margins.designed, limit / _AT_NODES),
+            ("between them", ~margins.designed, between(limit)),
+        ):
+            if mask.any():
+                worst = margins.worst(name, where=mask)
+                title, unit = f"{name.replace('_', ' ')} {where}", MARGIN_UNITS[name].removeprefix("1")
+                place, passed = f"x={worst.x:g}, y={worst.y:g} m", bool(worst.value >= least)
+                reason = (
+                    "the specification" if mask is margins.designed else "the specification, less an allowance for interpolation"
+                )
+                yield Verdict(title, unit, reason, least, worst.value, passed, place, worst.variant, at_least=True)
+
+
+def _high_frequency_verdict(schedule: GainSchedule, limit: float) -> Verdict:
+    """C at the Nyquist frequency is linear in the gains, which are interpolated between nodes: |C| is largest at a node."""
+    gain = np.abs(schedule.regulators.frequency_response([np.pi / schedule.Ts]))[..., 0]
+    i, j = np.unravel_index(np.argmax(gain), gain.shape)
+    place, achieved = f"x={schedule.x[i]:g}, y={schedule.y[j]:g} m", float(gain[i, j])
+    unit, passed = GAIN_UNITS[schedule.loop]["kp"], achieved <= limit * _LINEAR_PROGRAM
+    return Verdict("gain at the Nyquist frequency", unit, "the specification", limit, achieved, passed, place, "all variants")
 
 
 def _verdict(name: str, reason: str, worst: WorstPoint, limit: float) -> Verdict:

@@ -9,7 +9,8 @@ from scipy import sparse
 import hydroctl as hc
 from hydroctl.margins import Loop, analyse
 from hydroctl.schedule import check_margins, sampled_plants
-from hydroctl.tuning.convex import circles, largest_gains, small_gains
+from hydroctl.tuning.convex import Bounds, largest_gains, small_gains
+from hydroctl.tuning.limits import Disc, circles
 from hydroctl.tuning.nodes import choose_nodes, mixing_matrix
 
 NOMINAL = hc.Specification(uncertainty="nominal", notch_damping=(0.2, 0.7))
@@ -92,8 +93,9 @@ def test_a_pure_delay_under_integral_action_reaches_the_gain_found_by_hand():
     for _ in range(60):
         k = (low + high) / 2
         low, high = (k, high) if np.abs(1 + k * phi).min() >= 1 / 1.6 else (low, k)
-    limits = [(-1.0, 1 / 1.6)]
-    found = largest_gains(phi, sparse.eye_array(1, format="csr"), small_gains(phi, limits, first=0), 0, np.ones(1), limits)
+    limits, free = [Disc(-1.0, 1 / 1.6)], Bounds(np.zeros((1, 0, 1)), np.zeros((1, 0)))
+    small = small_gains(phi, limits, free, first=0)
+    found = largest_gains(phi, sparse.eye_array(1, format="csr"), small, 0, np.ones(1), limits, free)
     assert found[0, 0] == pytest.approx(low, rel=1e-3)
 
 

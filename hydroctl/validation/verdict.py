@@ -38,9 +38,11 @@ class Verdict:
     passed: bool
     scenario: str
     variant: str
+    at_least: bool = False
+    """whether `limit` is a minimum"""
 
     def __str__(self) -> str:
-        sign, word = ("<=", "pass") if self.passed else (">", "FAIL")
+        sign, word = (("<=", ">=")[self.at_least], "pass") if self.passed else ((">", "<")[self.at_least], "FAIL")
         where = f"{self.scenario}; {self.variant}"
         return f"{word}  {self.name}: {self.achieved:.4g} {sign} {self.limit:.4g} {self.unit}".rstrip() + f"  ({where})"
 
