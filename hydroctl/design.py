@@ -97,18 +97,19 @@ class Design:
         return to_dict(self)
 
     def save(self, directory: str | Path) -> list[Path]:
-        """Write schedule.json, margins.csv, summary.txt and the figures (PNG and SVG), among them the
-        first motion of each kind of scenario. Raises InputError where it cannot."""
+        """Write schedule.json, margins.csv, summary.txt and the figures (PNG and SVG), among them one
+        step and one saturated motion. Raises InputError where it cannot."""
         from .plotting import design_figures, save_figures
 
         directory = make_directory(directory)
-        first = {run.scenario.kind: run for run in reversed(self.validation.runs) if run.trajectory is not None}
+        finished = [run for run in reversed(self.validation.runs) if run.trajectory is not None]
+        first = {run.scenario.kind: run for run in finished if run.scenario.kind in ("step", "saturated")}
         motions = [(run.scenario, run.trajectory) for run in first.values()]
         return [
             self.schedule.save(directory / "schedule.json"),
             write_file(directory / "margins.csv", self.schedule.margins.to_csv().encode()),
             write_file(directory / "summary.txt", (self.summary() + "\n").encode()),
-            *save_figures(design_figures(self.family, self.reduced, self.schedule, motions), directory),
+            *save_figures(design_figures(self.family, self.schedule, motions), directory),
         ]
 
 

@@ -53,7 +53,7 @@ def run():
 
 @pytest.fixture
 def figures(schedule, run):
-    return plotting.design_figures(FAMILY, REDUCED, schedule, [run])
+    return plotting.design_figures(FAMILY, schedule, [run])
 
 
 def lines_of(ax) -> LineCollection:
@@ -351,10 +351,15 @@ def test_distributions_name_a_misspelt_metric_and_leave_no_empty_axes():
     assert axes[0].figure.axes == list(axes)
 
 
-def test_every_figure_of_a_design_has_a_title_and_a_unit_on_every_axis(figures):
-    assert len(figures) == 10
-    assert "validation-step" in figures
-    for name, draw in figures.items():
+def test_every_figure_has_a_title_and_a_unit_on_every_axis(figures, schedule):
+    assert set(figures) == {"bode", "pole-zero-map", "gains", "margin-Ms", "root-locus", "validation-step"}
+    others = {
+        "nyquist": lambda: plotting.nyquist(schedule, 0.5, 0.1).figure,
+        "nichols": lambda: plotting.nichols(schedule, 0.5, 0.1).figure,
+        "resonance": lambda: plotting.resonance_over_stroke(REDUCED)[0].figure,
+        "reduction-error": lambda: plotting.reduction_error_map(REDUCED).figure,
+    }
+    for name, draw in (figures | others).items():
         figure = draw()
         panels = [ax for ax in figure.axes if ax.get_label() != "<colorbar>"]
         assert panels[0].get_title(), name
@@ -402,22 +407,22 @@ def test_every_plot_draws_into_the_axes_given_and_returns_them(schedule, run, co
 
 
 def test_files_hold_the_figure_and_are_the_same_bytes_every_time(figures, tmp_path):
-    name = "nyquist"
+    name = "root-locus"
     first = plotting.save_figure(figures[name](), tmp_path, name)
     content = [path.read_bytes() for path in first]
-    assert [path.name for path in first] == ["nyquist.png", "nyquist.svg"]
+    assert [path.name for path in first] == ["root-locus.png", "root-locus.svg"]
     assert content[0].startswith(b"\x89PNG")
     root = ElementTree.fromstring(content[1])
     text = " ".join(part for element in root.iter() for part in [element.text or ""])
     assert root.tag.endswith("svg")
-    assert "real part of L (1)" in text
+    assert "real part of z (1)" in text
     assert b"dc:date" not in content[1]
     assert [path.read_bytes() for path in plotting.save_figure(figures[name](), tmp_path, name)] == content
 
 
 def test_saving_a_set_draws_and_writes_each_under_its_name(figures, tmp_path):
-    written = plotting.save_figures({name: figures[name] for name in ("gains", "nyquist")}, tmp_path)
-    assert written == [tmp_path / name for name in ("gains.png", "gains.svg", "nyquist.png", "nyquist.svg")]
+    written = plotting.save_figures({name: figures[name] for name in ("gains", "root-locus")}, tmp_path)
+    assert written == [tmp_path / name for name in ("gains.png", "gains.svg", "root-locus.png", "root-locus.svg")]
     assert sorted(tmp_path.iterdir()) == sorted(written)
 
 
