@@ -240,22 +240,6 @@ _MEASURED = {"velocity": "the speed v in m/s", "position": "the position y in m"
 def _to_document(schedule: GainSchedule) -> schedule_document.Document:
     d, units = schedule_document, schedule_document.GAIN_UNITS[schedule.loop]
 
-    controller = d.Controller(
-        form="parallel",
-        law=_LAW.format(measured=_MEASURED[schedule.loop]),
-        sample_time=d.Time(value=schedule.Ts, unit="s"),
-        delay_samples=float(schedule.delay_samples),
-        integral="forward Euler, stored in units of x",
-        derivative="backward Euler, on the error",
-        derivative_filter_time=d.Time(value=schedule.Tf, unit="s"),
-        notch="Tustin prewarped at notch_frequency",
-        notch_zero_damping=float(schedule.zz),
-        notch_pole_damping=float(schedule.zp),
-        set_point_weight=1,
-        limits=(-1, 1),
-        anti_windup="back-calculation from the saturated x, after the notch",
-        anti_windup_time=d.Time(value=schedule.Tt, unit="s"),
-    )
     axes = [
         d.Axis(name="x", signal="previous saturated x", unit="1", values=schedule.x.tolist()),
         d.Axis(name="y", signal="measured position", unit="m", values=schedule.y.tolist()),
@@ -297,7 +281,7 @@ def _to_document(schedule: GainSchedule) -> schedule_document.Document:
         generator=f"hydroctl {__version__}",
         loop=schedule.loop,
         structure=schedule.structure,
-        controller=controller,
+        controller=_controller(schedule),
         scheduling=d.Scheduling(
             interpolation="bilinear",
             extrapolation="clipped",
@@ -317,6 +301,26 @@ _OPTIONAL_LIMITS = ("phase_margin", "high_frequency_gain", "min_crossover")
 
 def _optional(kind, value: float | None, unit: str):
     return None if value is None else kind(value=value, unit=unit)
+
+
+def _controller(schedule: GainSchedule) -> schedule_document.Controller:
+    d = schedule_document
+    return d.Controller(
+        form="parallel",
+        law=_LAW.format(measured=_MEASURED[schedule.loop]),
+        sample_time=d.Time(value=schedule.Ts, unit="s"),
+        delay_samples=float(schedule.delay_samples),
+        integral="forward Euler, stored in units of x",
+        derivative="backward Euler, on the error",
+        derivative_filter_time=d.Time(value=schedule.Tf, unit="s"),
+        notch="Tustin prewarped at notch_frequency",
+        notch_zero_damping=float(schedule.zz),
+        notch_pole_damping=float(schedule.zp),
+        set_point_weight=1,
+        limits=(-1, 1),
+        anti_windup="back-calculation from the saturated x, after the notch",
+        anti_windup_time=d.Time(value=schedule.Tt, unit="s"),
+    )
 
 
 def _achieved(worst: WorstPoint, unit: str) -> schedule_document.Achieved:
