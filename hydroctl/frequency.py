@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .characteristics import resonance
 from .errors import InputError, unknown_name
 from .linearization import LinearFamily
 
@@ -128,7 +129,7 @@ def sample(family: LinearFamily, *, loop: str, sample_time: float, delay_samples
     vectors = vectors / np.linalg.norm(vectors, axis=-2, keepdims=True)
     residues = (output @ vectors)[..., None] * np.linalg.solve(vectors, entry.astype(complex))
     residues[np.linalg.cond(vectors) > _WORST_CONDITION] = np.nan
-    return SampledFamily(sample_time, whole, transition, entry, output, eigenvalues, residues, _resonance(family))
+    return SampledFamily(sample_time, whole, transition, entry, output, eigenvalues, residues, np.stack(resonance(family), axis=-1))
 
 
 def _continuous(family: LinearFamily, loop: str):
@@ -150,12 +151,6 @@ def _continuous(family: LinearFamily, loop: str):
         A[..., -1, 2] = 1.0
     output[-1 if loop == "position" else 2] = 1.0
     return A, B, output
-
-
-def _resonance(family: LinearFamily) -> np.ndarray:
-    pair = family.poles()[..., 1:]
-    natural = np.sqrt((pair[..., 0] * pair[..., 1]).real)
-    return np.stack([natural, -pair.sum(axis=-1).real / (2.0 * natural)], axis=-1)
 
 
 def frequency_grid(plant: SampledFamily, *, points: int = 120, around_resonance: int = 50) -> np.ndarray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
+from ..characteristics import resonance
 from ..errors import InputError
 from ..linearization import LinearFamily
 from ..reduction import SecondOrderFamily
@@ -147,9 +148,7 @@ def _resonance(family) -> tuple[np.ndarray, np.ndarray]:
     """(natural frequency in rad/s, damping ratio) of the pair of poles that does not nearly cancel, over the grid."""
     if isinstance(family, SecondOrderFamily):
         return family.natural_frequency, family.damping
-    pair = family.poles()[..., 1:]
-    natural = np.sqrt((pair[..., 0] * pair[..., 1]).real)
-    return natural, -pair.sum(axis=-1).real / (2.0 * natural)
+    return resonance(family)
 
 
 def _order(family) -> str:

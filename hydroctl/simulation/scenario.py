@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import InputError, unknown_name
+from ..frequency import LOOPS
 from .trajectory import State
 
 if TYPE_CHECKING:
     from ..schedule import GainSchedule
 
-LOOPS = ("velocity", "position")
 KINDS = ("step", "saturated", "reversal", "tracking")
 
 

@@ -9,9 +9,10 @@ import numpy as np
 
 from ..actuator import Actuator
 from ..errors import InputError, unknown_name
+from ..frequency import LOOPS
 from ..linearization import linearize
 from ..operating_point import find_operating_points, stall_force
-from ..simulation.scenario import LOOPS, Scenario
+from ..simulation.scenario import Scenario
 from ..simulation.trajectory import rest_state
 
 _POSITIONS = (0.15, 0.5, 0.85)
