@@ -1,9 +1,11 @@
-"""Regulator structures P, PI and PID, each with an optional notch, as linear combinations of fixed sampled terms.
+"""Regulator structures P, PI and PID, each with optional lead-lag sections and notch, as sums of fixed sampled terms.
 
-    e[k] --> kp + ki Ts/(z - 1) + kd (z - 1)/((Tf + Ts) z - Tf) --> notch --> x[k]
+    e[k] --> kp + ki Ts/(z - 1) + kd (z - 1)/((Tf + Ts) z - Tf) --> sections --> notch --> x[k]
 
-The integral is forward Euler, the derivative backward Euler, the notch (s^2 + 2 zz wn s + wn^2)/(s^2 + 2 zp wn s + wn^2) by
-Tustin's rule prewarped at wn. For fixed Tf and notch the loop gain is linear in (kp, ki, kd), on which the tuner rests.
+The integral is forward Euler, the derivative backward Euler. The sections (s/(z wn) + 1)/(s/(p wn) + 1), z < p a lead and z > p a
+lag, and the notch (s^2 + 2 zz wn s + wn^2)/(s^2 + 2 zp wn s + wn^2) are Tustin's, prewarped at wn. A filter of the measurement,
+Ts z/((Tm + Ts) z - Tm), acts in the loop as one more factor. All this fixed, the loop gain is linear in (kp, ki, kd), on which
+the tuner rests.
 """
 
 from __future__ import annotations
@@ -19,12 +21,20 @@ if TYPE_CHECKING:
     import control
 
 GAINS = ("kp", "ki", "kd")
+SECTIONS = {"": 0, "+lead": 1, "+lead-lag": 2}
+"""How many sections the parts of a structure's name stand for."""
 STRUCTURES: dict[str, tuple[str, ...]] = {
-    f"{letters}{'+notch' if notch else ''}": tuple("k" + letter for letter in letters)
+    f"{letters}{part}{notch}": tuple("k" + letter for letter in letters)
     for letters in ("p", "pi", "pid")
-    for notch in (False, True)
+    for part in SECTIONS
+    for notch in ("", "+notch")
 }
 """The gains that each structure uses."""
+
+
+def section_count(structure: str) -> int:
+    """How many lead-lag sections `structure` has."""
+    return max(count for part, count in SECTIONS.items() if part in structure)
 
 
 def require_structure(name: str) -> None:
@@ -38,7 +48,7 @@ class Regulators:
     """Regulators over an array shape (...): kp, ki, kd and notch_frequency are arrays, the rest is common.
 
     Parallel form, gains in units of x per unit of the measured quantity (kp), per second (ki), times second (kd). zz = zp
-    leaves the notch out. `regulators[index]` selects.
+    leaves the notch out. `regulators[index]` selects. The filter of the measurement counts as part of the regulator.
     """
 
     sample_time: float
@@ -46,13 +56,17 @@ class Regulators:
     ki: np.ndarray
     kd: np.ndarray
     notch_frequency: np.ndarray
-    """wn in rad/s"""
+    """wn in rad/s, of notch and sections"""
     Tf: float
     """derivative filter time in s"""
     zz: float
     """damping of the notch's zeros"""
     zp: float
     """damping of the notch's poles"""
+    sections: tuple[tuple[float, float], ...] = ()
+    """(z, p) of each lead-lag section, as multiples of wn"""
+    Tm: float = 0.0
+    """time of the filter of the measurement in s; 0: none"""
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -80,29 +94,32 @@ class Regulators:
         return np.einsum("...nt,...t->...n", self.terms(omega), gains)
 
     def terms(self, omega) -> np.ndarray:
-        """(..., n, 3) complex: what kp, ki and kd multiply, notch included."""
+        """(..., n, 3) complex: what kp, ki and kd multiply; sections, notch and filter included."""
         z = np.exp(1j * np.asarray(omega, dtype=float) * self.sample_time)
         integral = self.sample_time / (z - 1.0)
         derivative = (z - 1.0) / ((self.Tf + self.sample_time) * z - self.Tf)
         plain = np.stack([np.ones_like(z), integral, derivative], axis=-1)
-        return plain * self._notch_response(z)[..., None]
+        return plain * self._filter_response(z)[..., None]
 
-    def _notch_response(self, z):
-        (b0, b1, b2), (_, a1, a2) = self.notch()
-        return (b0 + (b1 + b2 / z) / z) / (1.0 + (a1 + a2 / z) / z)
+    def _filter_response(self, z):
+        response = np.ones(np.broadcast_shapes((*self.shape, 1), z.shape), complex)
+        for numerator, denominator in self._filters():
+            response = response * (_falling(numerator, z) / _falling(denominator, z))
+        return response
 
-    def notch(self):
-        """((b0, b1, b2), (1, a1, a2)), each (..., 1): the sampled notch, in falling powers of z."""
+    def _filters(self):
+        """(numerator, denominator) in falling powers of z, each a sequence of arrays (..., 1), of the factors that are in use."""
         t = np.tan(np.asarray(self.notch_frequency)[..., None] * self.sample_time / 2.0)
-        middle, lead = 2.0 * (t * t - 1.0), 1.0 + 2.0 * self.zp * t + t * t
-
-        def coefficients(damping):
-            return (1.0 + 2.0 * damping * t + t * t) / lead, middle / lead, (1.0 - 2.0 * damping * t + t * t) / lead
-
-        return coefficients(self.zz), coefficients(self.zp)
+        one = np.ones_like(t)
+        factors = [(_section(zero, t), _section(pole, t)) for zero, pole in self.sections]
+        if self.zz != self.zp:
+            factors.append((_quadratic(self.zz, t), _quadratic(self.zp, t)))
+        if self.Tm:
+            factors.append(((self.sample_time * one, 0.0 * one), ((self.Tm + self.sample_time) * one, -self.Tm * one)))
+        return factors
 
     def state_space(self):
-        """(A, B, C, D) of e to x over (...): states integral, filtered derivative and notch, as far as the gains use them."""
+        """(A, B, C, D) of e to x over (...): states integral, filtered derivative, sections, notch and filter, as far as used."""
         zero, one = np.zeros(self.shape), np.ones(self.shape)
         blocks = []
         if np.any(self.ki):
@@ -116,16 +133,10 @@ class Regulators:
         D = np.array(self.kp + sum(block[2] for block in blocks), dtype=float)[..., None, None]
         for i, (pole, gain, _) in enumerate(blocks):
             A[..., i, i], B[..., i, 0] = pole, gain
-        pid = A, B, np.ones((*self.shape, 1, len(blocks))), D
-        return series(pid, self._notch_states()) if self.zz != self.zp else pid
-
-    def _notch_states(self):
-        (b0, b1, b2), (_, a1, a2) = self.notch()
-        A = np.zeros((*self.shape, 2, 2))
-        A[..., 0, :] = np.concatenate([-a1, -a2], axis=-1)
-        A[..., 1, 0] = 1.0
-        B = np.broadcast_to([[1.0], [0.0]], (*self.shape, 2, 1))
-        return A, B, np.stack([b1 - b0 * a1, b2 - b0 * a2], axis=-1), b0[..., None]
+        system = A, B, np.ones((*self.shape, 1, len(blocks))), D
+        for numerator, denominator in self._filters():
+            system = series(system, _companion(numerator, denominator))
+        return system
 
     def transfer_function(self) -> control.TransferFunction:
         """C(z) from e to x of a single regulator (shape ()), with its sample time."""
@@ -139,9 +150,39 @@ class Regulators:
             law = law + self.ki * Ts / (z - 1.0)
         if self.kd:
             law = law + self.kd * (z - 1.0) / ((self.Tf + Ts) * z - self.Tf)
-        if self.zz != self.zp:
-            law = law * control.tf(*(np.ravel(c) for c in self.notch()), Ts)
+        for factor in self._filters():
+            law = law * control.tf(*(np.ravel(part) for part in factor), Ts)
         return control.tf(law, inputs=["e"], outputs=["x"])
+
+
+def _section(corner: float, t):
+    """Coefficients of s/(corner wn) + 1 under Tustin's rule, t = tan(wn Ts/2), up to the factor t (1 + 1/z)."""
+    return 1.0 / corner + t, t - 1.0 / corner
+
+
+def _quadratic(damping: float, t):
+    """Coefficients of s^2 + 2 damping wn s + wn^2, likewise."""
+    return 1.0 + 2.0 * damping * t + t * t, 2.0 * (t * t - 1.0), 1.0 - 2.0 * damping * t + t * t
+
+
+def _falling(coefficients, z):
+    """c0 + c1/z + ..."""
+    value = coefficients[-1]
+    for coefficient in coefficients[-2::-1]:
+        value = coefficient + value / z
+    return value
+
+
+def _companion(numerator, denominator):
+    """(A, B, C, D) of numerator/denominator, coefficients (..., 1) in falling powers of z."""
+    b, a = (np.stack(part, axis=-1)[..., 0, :] / denominator[0] for part in (numerator, denominator))
+    n = a.shape[-1] - 1
+    A = np.zeros((*a.shape[:-1], n, n))
+    A[..., 0, :] = -a[..., 1:]
+    A[..., range(1, n), range(n - 1)] = 1.0
+    B = np.broadcast_to(np.eye(n)[:, :1], (*a.shape[:-1], n, 1))
+    D = b[..., :1]
+    return A, B, (b[..., 1:] - D * a[..., 1:])[..., None, :], D[..., None]
 
 
 def series(first, second):

@@ -13,14 +13,15 @@ from pathlib import Path
 
 import numpy as np
 
-from . import __version__, schedule_document
-from .actuator import PARAMETERS, Actuator
+from . import schedule_document
+from .actuator import Actuator
 from .errors import InputError
 from .frequency import SampledFamily, sample
 from .linearization import linearize
 from .margins import MARGIN_UNITS, Loop, Margins, analyse
 from .operating_point import find_operating_points
-from .regulators import GAINS, STRUCTURES, Regulators, require_structure
+from .regulators import Regulators
+from .schedule_file import document_of, fields_of
 from .specification import Specification, variants
 
 
@@ -53,6 +54,8 @@ class GainSchedule:
     """damping of the notch's zeros; equal to zp where there is no notch"""
     zp: float
     """damping of the notch's poles"""
+    sections: tuple[tuple[float, float], ...] = ()
+    """(zero, pole) of each lead-lag section, as multiples of the notch frequency"""
     Tt: float
     """time constant of the anti-windup in s"""
     feed_forward: bool
@@ -65,6 +68,8 @@ class GainSchedule:
     """x at which extending starts (leakage)"""
     speed_offset_retract: float
     """x at which retracting starts (leakage)"""
+    pressure_drops: np.ndarray | None = None
+    """(2, 2) in Pa: the design's drops over the open edges at A and B, retracting and extending; None: no compensation"""
 
     @property
     def Ts(self) -> float:
@@ -82,16 +87,39 @@ class GainSchedule:
         return self.specification.Tf
 
     @property
+    def Tm(self) -> float:
+        """Time of the filter of the measurement in s; 0: none."""
+        return self.specification.measurement_filter
+
+    @property
+    def b(self) -> float:
+        """Set-point weight of kp."""
+        return self.specification.set_point_weight
+
+    @property
+    def c(self) -> float:
+        """Set-point weight of kd: 1 for a derivative on the error, 0 on the measurement."""
+        return 1.0 if self.specification.derivative_on == "error" else 0.0
+
+    @property
+    def dead_band_inverse(self) -> float:
+        """The share of the valve's dead band that the command jumps over."""
+        return self.specification.dead_band_inverse
+
+    @property
     def regulators(self) -> Regulators:
         """The regulators at the nodes, shape (nx, ny)."""
-        return Regulators(self.Ts, self.kp, self.ki, self.kd, self.notch_frequency, self.Tf, self.zz, self.zp)
+        return self._regulators(self.kp, self.ki, self.kd, self.notch_frequency)
 
     def gains(self, x, y) -> Regulators:
         """The regulators that act at x and y (arrays broadcast): bilinear, clipped, sides of x apart."""
         index, weight = interpolation(self.x, self.y, x, y)
         tables = (self.kp, self.ki, self.kd, self.notch_frequency)
         values = ((np.ravel(table)[index] * weight).sum(axis=-1) for table in tables)
-        return Regulators(self.Ts, *values, self.Tf, self.zz, self.zp)
+        return self._regulators(*values)
+
+    def _regulators(self, *tables) -> Regulators:
+        return Regulators(self.Ts, *tables, self.Tf, self.zz, self.zp, self.sections, self.Tm)
 
     @cached_property
     def margins(self) -> ScheduleMargins:
@@ -100,7 +128,7 @@ class GainSchedule:
 
     def save(self, path: str | Path) -> Path:
         """Write the schedule as JSON (see `schedule_document`), atomically."""
-        return schedule_document.write(_to_document(self), path)
+        return schedule_document.write(document_of(self), path)
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,11 +210,26 @@ def check_margins(schedule: GainSchedule, x, y) -> ScheduleMargins:
     return ScheduleMargins(labels, np.asarray(x), np.asarray(y), designed, analyse(Loop(plants, regulators)))
 
 
+def design_pressure_drops(actuator: Actuator, x) -> np.ndarray:
+    """(2, 2) in Pa: the drops over the open edges at A and B, retracting and extending, under the actuator's own load.
+
+    They are those in the middle of the stroke and of the design openings x (nx,) of each side.
+    """
+    x = np.asarray(x, float)
+    middles = [np.median(side) if (side := x[sign * x > 0.0]).size else sign for sign in (-1.0, 1.0)]
+    points = find_operating_points(actuator, middles, actuator.stroke / 2.0)
+    if not points.feasible.all():
+        raise InputError(f"pressure_compensation needs a motion either way: {points.reason[~points.feasible][0]}")
+    supply, tank = actuator.supply_pressure, actuator.tank_pressure
+    (retract_a, extend_a), (retract_b, extend_b) = points.p_a, points.p_b
+    return np.array([[retract_a - tank, supply - retract_b], [supply - extend_a, extend_b - tank]])
+
+
 def load_schedule(path: str | Path) -> GainSchedule:
     """The schedule in a JSON file. Raises InputError that names the file and every fault."""
     document = schedule_document.read(path)
     try:
-        return _from_document(document)
+        return GainSchedule(**fields_of(document))
     except InputError as error:
         raise InputError(f"{path}: {fault}" for fault in error.faults) from None
 
@@ -227,147 +270,3 @@ def _with_midpoints(nodes: np.ndarray) -> np.ndarray:
     """`nodes` and the middles between neighbours of the same sign."""
     middles = [(a + b) / 2.0 for a, b in pairwise(nodes) if a * b >= 0.0]
     return np.sort(np.concatenate([nodes, middles]))
-
-
-_LAW = (
-    "gains from the tables at (x of the previous sample, y); e = r - m; d = (Tf*d + e - e_previous)/(Tf + Ts); "
-    "u = notch(kp*e + I + kd*d) + x_ff, x_ff = 0 where v_ref = 0; x = clip(u, limits); I = I + Ts*(ki*e + (x - u)/Tt), but I stays "
-    "0 where ki is 0 in the whole table; x acts delay_samples after the measurement; all states start at 0; m is {measured}"
-)
-_MEASURED = {"velocity": "the speed v in m/s", "position": "the position y in m"}
-
-
-def _to_document(schedule: GainSchedule) -> schedule_document.Document:
-    d, units = schedule_document, schedule_document.GAIN_UNITS[schedule.loop]
-
-    axes = [
-        d.Axis(name="x", signal="previous saturated x", unit="1", values=schedule.x.tolist()),
-        d.Axis(name="y", signal="measured position", unit="m", values=schedule.y.tolist()),
-    ]
-    tables = [d.Table(name=name, unit=unit, values=getattr(schedule, name).tolist()) for name, unit in units.items()]
-    feed_forward = d.FeedForward(
-        enabled=schedule.feed_forward,
-        gain_extend=d.Speed(value=schedule.speed_gain_extend, unit="m/s"),
-        gain_retract=d.Speed(value=schedule.speed_gain_retract, unit="m/s"),
-        offset_extend=float(schedule.speed_offset_extend),
-        offset_retract=float(schedule.speed_offset_retract),
-    )
-    actuator, specification = schedule.actuator, schedule.specification
-    given = {name: value for name, value in actuator.parameters().items() if value is not None}
-    parameters = {name: d.Quantity(value=value, unit=PARAMETERS[name].metadata["unit"]) for name, value in given.items()}
-    machine = d.Machine(
-        name=actuator.name,
-        source=actuator.source,
-        note=actuator.note,
-        fingerprint=actuator.fingerprint(),
-        parameters=parameters,
-    )
-    uncertainty = specification.uncertainty
-    design = d.Design(
-        x=schedule.design_x.tolist(),
-        y=schedule.design_y.tolist(),
-        Ms=float(specification.Ms),
-        Mt=float(specification.Mt),
-        gain_margin=specification.gain_margin,
-        phase_margin=_optional(d.Angle, specification.phase_margin, "rad"),
-        min_crossover=_optional(d.Frequency, specification.min_crossover, "rad/s"),
-        high_frequency_gain=_optional(d.Gain, specification.high_frequency_gain, units["kp"]),
-        uncertainty=uncertainty if isinstance(uncertainty, str) else dict(uncertainty),
-        achieved=d.Margins(**{name: _achieved(schedule.margins.worst(name), unit) for name, unit in MARGIN_UNITS.items()}),
-    )
-    return d.Document(
-        schema=d.SCHEMA,
-        version=d.VERSION,
-        generator=f"hydroctl {__version__}",
-        loop=schedule.loop,
-        structure=schedule.structure,
-        controller=_controller(schedule),
-        scheduling=d.Scheduling(
-            interpolation="bilinear",
-            extrapolation="clipped",
-            order="row-major",
-            sides="x >= 0 uses the nodes x > 0, x < 0 the nodes x < 0",
-            axes=axes,
-            tables=tables,
-        ),
-        feed_forward=feed_forward,
-        actuator=machine,
-        design=design,
-    )
-
-
-_OPTIONAL_LIMITS = ("phase_margin", "high_frequency_gain", "min_crossover")
-
-
-def _optional(kind, value: float | None, unit: str):
-    return None if value is None else kind(value=value, unit=unit)
-
-
-def _controller(schedule: GainSchedule) -> schedule_document.Controller:
-    d = schedule_document
-    return d.Controller(
-        form="parallel",
-        law=_LAW.format(measured=_MEASURED[schedule.loop]),
-        sample_time=d.Time(value=schedule.Ts, unit="s"),
-        delay_samples=float(schedule.delay_samples),
-        integral="forward Euler, stored in units of x",
-        derivative="backward Euler, on the error",
-        derivative_filter_time=d.Time(value=schedule.Tf, unit="s"),
-        notch="Tustin prewarped at notch_frequency",
-        notch_zero_damping=float(schedule.zz),
-        notch_pole_damping=float(schedule.zp),
-        set_point_weight=1,
-        limits=(-1, 1),
-        anti_windup="back-calculation from the saturated x, after the notch",
-        anti_windup_time=d.Time(value=schedule.Tt, unit="s"),
-    )
-
-
-def _achieved(worst: WorstPoint, unit: str) -> schedule_document.Achieved:
-    value = worst.value if np.isfinite(worst.value) else None
-    return schedule_document.Achieved(value=value, unit=unit, variant=worst.variant, x=worst.x, y=worst.y)
-
-
-def _from_document(document: schedule_document.Document) -> GainSchedule:
-    controller, machine, design = document.controller, document.actuator, document.design
-    parameters = {name: quantity.value for name, quantity in machine.parameters.items()}
-    actuator = Actuator(name=machine.name, source=machine.source, note=machine.note, **parameters)
-    if lacking := [name for name, value in actuator.parameters().items() if value is not None and name not in parameters]:
-        raise InputError(f"actuator.parameters lacks {', '.join(lacking)}.")
-    if actuator.fingerprint() != machine.fingerprint:
-        raise InputError("actuator.fingerprint does not belong to actuator.parameters; the file was changed after it was written.")
-    require_structure(document.structure)
-    for table in document.scheduling.tables:
-        if table.name in GAINS and table.name not in STRUCTURES[document.structure] and np.any(table.values):
-            raise InputError(f"table {table.name} is not zero, but structure {document.structure!r} has no {table.name}.")
-    specification = Specification(
-        sample_time=controller.sample_time.value,
-        delay_samples=controller.delay_samples,
-        Ms=design.Ms,
-        Mt=design.Mt,
-        gain_margin=design.gain_margin,
-        **{name: None if (limit := getattr(design, name)) is None else limit.value for name in _OPTIONAL_LIMITS},
-        uncertainty=design.uncertainty,
-        Tf=controller.derivative_filter_time.value,
-        notch_damping=(controller.notch_zero_damping, controller.notch_pole_damping) if "notch" in document.structure else None,
-    )
-    x, y = (np.array(axis.values) for axis in document.scheduling.axes)
-    return GainSchedule(
-        actuator=actuator,
-        specification=specification,
-        loop=document.loop,
-        structure=document.structure,
-        x=x,
-        y=y,
-        design_x=np.array(design.x),
-        design_y=np.array(design.y),
-        **{table.name: np.array(table.values) for table in document.scheduling.tables},
-        zz=controller.notch_zero_damping,
-        zp=controller.notch_pole_damping,
-        Tt=controller.anti_windup_time.value,
-        feed_forward=document.feed_forward.enabled,
-        speed_gain_extend=document.feed_forward.gain_extend.value,
-        speed_gain_retract=document.feed_forward.gain_retract.value,
-        speed_offset_extend=document.feed_forward.offset_extend,
-        speed_offset_retract=document.feed_forward.offset_retract,
-    )

@@ -18,7 +18,7 @@ from .errors import InputError, unknown_name
 from .files import write_file
 
 SCHEMA = "hydroctl.gain-schedule"
-VERSION = 1
+VERSION = 2
 GAIN_UNITS = {
     "velocity": {"kp": "s/m", "ki": "1/m", "kd": "s^2/m", "notch_frequency": "rad/s"},
     "position": {"kp": "1/m", "ki": "1/(m*s)", "kd": "s/m", "notch_frequency": "rad/s"},
@@ -46,6 +46,20 @@ class Time(_Part):
 
     value: Positive
     unit: Literal["s"]
+
+
+class Duration(_Part):
+    """A time in s that may be 0."""
+
+    value: Annotated[float, Field(ge=0, allow_inf_nan=False)]
+    unit: Literal["s"]
+
+
+class Pressure(_Part):
+    """A pressure."""
+
+    value: Positive
+    unit: Literal["Pa"]
 
 
 class Angle(_Part):
@@ -128,6 +142,24 @@ class Scheduling(_Part):
         return self
 
 
+class Section(_Part):
+    """A lead-lag section (s/(zero*wn) + 1)/(s/(pole*wn) + 1), wn = notch_frequency; Tustin prewarped at wn."""
+
+    zero: Positive
+    pole: Positive
+
+
+class PressureCompensation(_Part):
+    """The command is multiplied by a ratio of the measured pressure drops to these, which are the design's."""
+
+    ratio: Literal["q_ref/q, q = g_a*sqrt(drop_a)/V_a(y) + g_b*sqrt(drop_b)/V_b(y) over the open edges, g = area*flow coefficient"]
+    limits: tuple[Annotated[float, Field(ge=0.4, le=0.4)], Annotated[float, Field(ge=3, le=3)]]
+    drop_a_retract: Pressure
+    drop_b_retract: Pressure
+    drop_a_extend: Pressure
+    drop_b_extend: Pressure
+
+
 class Controller(_Part):
     """The regulator law."""
 
@@ -136,15 +168,21 @@ class Controller(_Part):
     sample_time: Time
     delay_samples: Annotated[float, Field(ge=0, allow_inf_nan=False)]
     integral: Literal["forward Euler, stored in units of x"]
-    derivative: Literal["backward Euler, on the error"]
+    derivative: Literal["backward Euler, on the error", "backward Euler, on the measurement"]
     derivative_filter_time: Time
+    measurement_filter_time: Duration
+    lead_lag: Annotated[list[Section], Field(max_length=2)]
     notch: Literal["Tustin prewarped at notch_frequency"]
     notch_zero_damping: Positive
     notch_pole_damping: Positive
-    set_point_weight: Literal[1]
+    set_point_weight: Annotated[float, Field(ge=0, le=1)]
     limits: tuple[Literal[-1], Literal[1]]
     anti_windup: Literal["back-calculation from the saturated x, after the notch"]
     anti_windup_time: Time
+    pressure_compensation: PressureCompensation | None
+    dead_band_inverse: Annotated[float, Field(ge=0, le=1)]
+    start: Literal["m_f = m, g_previous = (c - 1)*m, all other states 0"]
+    fallback: Literal["where an input is not finite, x = 0, and the next sound sample is a start"]
 
 
 class FeedForward(_Part):
@@ -225,7 +263,7 @@ class Document(_Part):
     """A whole schedule file."""
 
     schema_: Literal["hydroctl.gain-schedule"] = Field(alias="schema")
-    version: Literal[1]
+    version: Literal[2]
     generator: str
     loop: Literal["velocity", "position"]
     structure: str
@@ -257,12 +295,30 @@ def read(path: str | Path) -> Document:
     data = _read_json(Path(path))
     if not isinstance(data, dict) or data.get("schema") != SCHEMA:
         raise InputError(f'{path}: not a gain schedule (schema must be "{SCHEMA}").')
-    if data.get("version") != VERSION:
-        raise InputError(f"{path}: version {data.get('version')!r} is unknown; this hydroctl reads {VERSION}. Update hydroctl.")
+    if data.get("version") not in (1, VERSION) or isinstance(data["version"], bool):
+        raise InputError(f"{path}: version {data.get('version')!r} is unknown; only 1 and {VERSION} can be read. Update hydroctl.")
+    if data["version"] == 1:
+        data = _upgraded(data)
     try:
         return Document.model_validate_json(json.dumps(data))
     except ValidationError as error:
         raise InputError(f"{path}: {_sentence(fault)}" for fault in error.errors()) from None
+
+
+_ADDED_IN_2 = {
+    "measurement_filter_time": {"value": 0.0, "unit": "s"},
+    "lead_lag": [],
+    "pressure_compensation": None,
+    "dead_band_inverse": 0.0,
+    "start": "m_f = m, g_previous = (c - 1)*m, all other states 0",
+    "fallback": "where an input is not finite, x = 0, and the next sound sample is a start",
+}
+
+
+def _upgraded(data: dict) -> dict:
+    """A file of version 1 as one of version 2: what version 2 added is neutral."""
+    controller = data.get("controller")
+    return data | {"version": 2} | ({"controller": _ADDED_IN_2 | controller} if isinstance(controller, dict) else {})
 
 
 def _read_json(path: Path):

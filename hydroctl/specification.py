@@ -1,4 +1,4 @@
-"""What a regulator must hold, and over which variations of the plant."""
+"""What a regulator must hold, over which variations of the plant, and the settings of its law that are not tuned."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _CORNERS = {"bulk_modulus": (0.7, 1.3), "mass": (0.5, 1.5)}
 
 @dataclass(frozen=True, kw_only=True)
 class Specification:
-    """Limits and sampling of a design. Raises InputError with every fault at once."""
+    """Limits, sampling and settings of a design. Raises InputError with every fault at once."""
 
     sample_time: float = 1e-3
     """Ts in s"""
@@ -41,6 +41,18 @@ class Specification:
     """derivative filter time in s"""
     notch_damping: tuple[float, float] | None = None
     """(zz, zp) of the notch; by default (0.2, 0.8) for the nominal plant alone and (0.3, 0.8) over an uncertainty"""
+    lead_lag: tuple[tuple[float, float], tuple[float, float]] = ((0.5, 3.0), (0.05, 0.02))
+    """(zero, pole) of the two sections of a lead-lag structure, as multiples of the notch frequency; the first is that of a lead"""
+    measurement_filter: float = 0.0
+    """Tm in s of a first-order filter of the measured quantity; 0: none"""
+    derivative_on: str = "error"
+    """"error" or "measurement\""""
+    set_point_weight: float = 1.0
+    """b: the share of the reference that kp sees"""
+    pressure_compensation: bool = False
+    """whether the command is multiplied by q_ref/q of the measured pressures, which undoes what the load does to the gain"""
+    dead_band_inverse: float = 0.0
+    """the share of the valve's dead band that the command jumps over, smoothly; 0.8 to 0.9 where the dead band is known; 0: none"""
 
     def __post_init__(self):
         faults = [fault for name, bound in _ABOVE.items() if (fault := _number_fault(name, getattr(self, name), bound))]
@@ -54,6 +66,7 @@ class Specification:
         damping = self.notch_damping
         if damping is not None and not (_is_pair(damping) and 0 < damping[0] < damping[1]):
             faults.append(f"notch_damping = {damping!r} must be (zz, zp) with 0 < zz < zp.")
+        faults += _law_faults(self)
         if faults:
             raise InputError(faults)
         if self.notch_damping is None:
@@ -74,6 +87,26 @@ def _is_pair(value: object) -> bool:
 
 def _number_fault(name: str, value: object, bound: float) -> str | None:
     return None if _is_number(value) and value > bound else f"{name} = {value!r} must be a finite number above {bound:g}."
+
+
+def _law_faults(specification: Specification) -> list[str]:
+    faults = []
+    for name, lowest, highest in (("measurement_filter", 0, math.inf), ("set_point_weight", 0, 1), ("dead_band_inverse", 0, 1)):
+        value = getattr(specification, name)
+        if not (_is_number(value) and lowest <= value <= highest):
+            faults.append(
+                f"{name} = {value!r} must be a finite number of at least 0{'' if highest == math.inf else ' and at most 1'}."
+            )
+    sections = specification.lead_lag
+    if not (isinstance(sections, tuple) and len(sections) == 2 and all(_is_pair(s) and min(s) > 0 for s in sections)):
+        faults.append(
+            f"lead_lag = {sections!r} must be two pairs (zero, pole) of numbers above 0, multiples of the notch frequency."
+        )
+    if specification.derivative_on not in ("error", "measurement"):
+        faults.append(unknown_name("derivative_on", specification.derivative_on, ("error", "measurement")))
+    if not isinstance(specification.pressure_compensation, bool):
+        faults.append(f"pressure_compensation = {specification.pressure_compensation!r} must be True or False.")
+    return faults
 
 
 def _uncertainty_faults(uncertainty) -> list[str]:

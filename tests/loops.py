@@ -9,7 +9,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import RegularGridInterpolator
 
-from hydroctl import plant
+from hydroctl import load_actuator, plant
 
 
 def schedule(loop="velocity", **changes):
@@ -36,12 +36,19 @@ def schedule(loop="velocity", **changes):
         "speed_offset_extend": 0.0006,
         "speed_offset_retract": -0.0006,
         "feed_forward": False,
+        "sections": (),
+        "Tm": 0.0,
+        "b": 1.0,
+        "c": 1.0,
+        "dead_band_inverse": 0.0,
+        "pressure_drops": None,
+        "actuator": load_actuator("reference"),
     }
     return SimpleNamespace(**given | changes)
 
 
 class PlainRegulator:
-    """The regulator law by other means: scipy's interpolation, the notch from the s-plane by Tustin's substitution, branches."""
+    """The regulator law by other means: scipy's interpolation, filters from the s-plane by Tustin's substitution, branches."""
 
     def __init__(self, schedule):
         self.s = s = schedule
@@ -50,34 +57,78 @@ class PlainRegulator:
             rows = np.flatnonzero(s.x * sign > 0.0)
             tables = np.stack([s.kp, s.ki, s.kd, s.notch_frequency], axis=-1)[rows]
             self.sides[sign] = (s.x[rows], RegularGridInterpolator((s.x[rows], s.y), tables))
-        self.integral = self.derivative = self.last_error = self.x = 0.0
-        self.s1 = self.s2 = 0.0
+        self.x = 0.0
+        self.rest()
+
+    def rest(self):
+        """Forget everything but the gains."""
+        self.integral = self.derivative = self.x = 0.0
+        self.measured = self.last = None
+        self.notch_states, self.section_states = [0.0, 0.0], [[0.0] for _ in self.s.sections]
 
     def gains(self, y):
         nodes, table = self.sides[-1.0 if self.x < 0.0 else 1.0]
         return table([(min(max(self.x, nodes[0]), nodes[-1]), min(max(y, self.s.y[0]), self.s.y[-1]))])[0]
 
-    def command(self, reference, v_ref, v, y):
+    def filtered(self, u, wn):
+        """u after sections and notch, in the transposed direct form II."""
+        warp = wn / math.tan(wn * self.s.Ts / 2.0)
+        for state, (zero, pole) in zip(self.section_states, self.s.sections, strict=True):
+            b0, b1 = 1.0 + warp / (zero * wn), 1.0 - warp / (zero * wn)
+            a0, a1 = 1.0 + warp / (pole * wn), 1.0 - warp / (pole * wn)
+            out = b0 / a0 * u + state[0]
+            state[0], u = (b1 * u - a1 * out) / a0, out
+        if self.s.zz != self.s.zp:
+            (b0, b1, b2), (a0, a1, a2) = (
+                (warp**2 + 2 * damping * wn * warp + wn**2, 2 * (wn**2 - warp**2), warp**2 - 2 * damping * wn * warp + wn**2)
+                for damping in (self.s.zz, self.s.zp)
+            )
+            out, state = b0 / a0 * u + self.notch_states[0], self.notch_states
+            state[0], state[1], u = (b1 * u - a1 * out) / a0 + state[1], (b2 * u - a2 * out) / a0, out
+        return u
+
+    def ratio(self, opening, p_a, p_b, y):
+        """The gain that the design counted on over the one at these pressures."""
+        machine = self.s.actuator
+        supply, tank = machine.supply_pressure, machine.tank_pressure
+        drops = (supply - p_a, p_b - tank) if opening >= 0.0 else (p_a - tank, supply - p_b)
+        wanted = self.s.pressure_drops[int(opening >= 0.0)]
+        inside = min(max(y, 0.0), machine.stroke)
+        per_root = (
+            machine.area_a * machine.flow_coefficient / (machine.volume_a + machine.area_a * inside),
+            machine.area_b * machine.flow_coefficient / (machine.volume_b - machine.area_b * inside),
+        )
+        q, q_ref = (sum(w * math.sqrt(max(d, 1.0)) for w, d in zip(per_root, pair, strict=True)) for pair in (drops, wanted))
+        return min(max(q_ref / q, 0.4), 3.0)
+
+    def forward(self, v_ref):
         s = self.s
+        if not s.feed_forward or v_ref == 0.0:
+            return 0.0
+        if v_ref > 0.0:
+            return v_ref / s.speed_gain_extend + s.speed_offset_extend
+        return v_ref / s.speed_gain_retract + s.speed_offset_retract
+
+    def command(self, reference, v_ref, p_a, p_b, v, y):
+        s = self.s
+        m = v if s.loop == "velocity" else y
+        used = [reference, v_ref, y, m, *([p_a, p_b] if s.pressure_drops is not None else [])]
+        if not all(map(math.isfinite, used)):
+            self.rest()
+            return 0.0
         kp, ki, kd, wn = self.gains(y)
-        error = reference - (v if s.loop == "velocity" else y)
-        self.derivative = (s.Tf * self.derivative + error - self.last_error) / (s.Tf + s.Ts)
-        self.last_error = error
-        u = kp * error + self.integral + kd * self.derivative
-        warp = wn / math.tan(wn * s.Ts / 2.0)
-        numerator = (warp**2 + 2 * s.zz * wn * warp + wn**2, 2 * (wn**2 - warp**2), warp**2 - 2 * s.zz * wn * warp + wn**2)
-        a0, a1, a2 = warp**2 + 2 * s.zp * wn * warp + wn**2, 2 * (wn**2 - warp**2), warp**2 - 2 * s.zp * wn * warp + wn**2
-        b0, b1, b2 = (value / a0 for value in numerator)
-        notched = b0 * u + self.s1
-        self.s1 = b1 * u - a1 / a0 * notched + self.s2
-        self.s2 = b2 * u - a2 / a0 * notched
-        wanted = notched
-        if s.feed_forward and v_ref > 0.0:
-            wanted += v_ref / s.speed_gain_extend + s.speed_offset_extend
-        if s.feed_forward and v_ref < 0.0:
-            wanted += v_ref / s.speed_gain_retract + s.speed_offset_retract
-        self.x = min(max(wanted, -1.0), 1.0)
-        self.integral += s.Ts * (ki * error + (self.x - wanted) / s.Tt)
+        self.measured = m if self.measured is None else (s.Tm * self.measured + s.Ts * m) / (s.Tm + s.Ts)
+        error, seen = reference - self.measured, s.c * reference - self.measured
+        before = s.c * m - m if self.last is None else self.last
+        self.derivative = (s.Tf * self.derivative + seen - before) / (s.Tf + s.Ts)
+        self.last = seen
+        opening = self.filtered(kp * (s.b * reference - self.measured) + self.integral + kd * self.derivative, wn)
+        opening += self.forward(v_ref)
+        ratio = 1.0 if s.pressure_drops is None else self.ratio(opening, p_a, p_b, y)
+        limited = min(max(ratio * opening, -1.0), 1.0)
+        self.integral += s.Ts * (ki * error + (limited / ratio - opening) / s.Tt)
+        depth, width = s.dead_band_inverse * s.actuator.dead_band, s.actuator.dead_band
+        self.x = limited if depth == 0.0 else (1.0 - depth) * limited + depth * (1.0 + width) * limited / (abs(limited) + width)
         return self.x
 
 
@@ -103,7 +154,7 @@ def accurate_closed_loop(actuator, schedule, scenario, start):
     regulator, state, commands, states = PlainRegulator(schedule), np.array(start), [], []
     for k in range(scenario.reference.size):
         states.append(state)
-        commands.append(regulator.command(scenario.reference[k], scenario.v_ref[k], state[2], state[3]))
+        commands.append(regulator.command(scenario.reference[k], scenario.v_ref[k], *state[:4]))
         x = commands[k - schedule.delay_samples] if k >= schedule.delay_samples else 0.0
         state = accurate_hold(actuator, state, x, scenario.load_force[k] + actuator.load_force, scenario.Ts)
     return np.array(states).T

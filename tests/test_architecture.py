@@ -25,6 +25,7 @@ LAYERS = (
     ("regulators", "specification"),
     ("margins",),
     ("schedule_document",),
+    ("schedule_file",),
     ("schedule",),
     ("tuning",),
     ("simulation",),

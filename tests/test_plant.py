@@ -180,9 +180,9 @@ def test_the_rate_limit_bounds_the_spool_speed_and_commands_saturate():
 
 
 def test_compiled_the_same_lines_give_the_same_numbers():
-    from hydroctl.simulation.compiled import full
+    from hydroctl.simulation.compiled import motion_build
 
-    compiled = full.plant
+    compiled = motion_build("full").plant
     p = plant.parameters(REAL)
     for state in ((8e6, 1.1e7, 0.12, 1.0005, -0.3, 1e3), (2e5, 2.2e7, -3e-4, -0.001, 0.7, 0.0)):
         np.testing.assert_allclose(compiled.rates(*state, p), [float(rate) for rate in plant.rates(*state, p)], rtol=1e-13)

@@ -75,6 +75,25 @@ def test_schedules_of_other_structures_are_saved_too(reference, tmp_path, loop, 
         np.testing.assert_array_equal(getattr(again, name), getattr(made, name))
 
 
+def test_every_setting_of_the_law_reads_back(reference, tmp_path):
+    machine = reference.replace(dead_band=0.05)
+    settings = {
+        "lead_lag": ((0.4, 2.5), (0.05, 0.02)),
+        "measurement_filter": 3e-4,
+        "derivative_on": "measurement",
+        "set_point_weight": 0.7,
+        "pressure_compensation": True,
+        "dead_band_inverse": 0.85,
+    }
+    asked = hc.Specification(uncertainty="nominal", **settings)
+    made = hc.tune(machine, [-0.5, 0.5], [0.2], structure="pid+lead+notch", specification=asked)
+    again = hc.load_schedule(made.save(tmp_path / "schedule.json"))
+    assert again.specification == asked
+    assert again.sections == made.sections == ((0.4, 2.5),)
+    np.testing.assert_array_equal(again.pressure_drops, made.pressure_drops)
+    assert (made.pressure_drops > 0.0).all()
+
+
 def test_every_quantity_in_the_file_has_a_unit(saved):
     document = json.loads(saved.read_text())
     assert {table["name"]: table["unit"] for table in document["scheduling"]["tables"]} == {
@@ -122,7 +141,7 @@ def test_a_file_with_any_one_field_spoilt_is_refused(saved, tmp_path, change):
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
-        (("version",), 2, "version 2 is unknown"),
+        (("version",), 3, "version 3 is unknown"),
         (("schema",), "other", "not a gain schedule"),
         (("scheduling", "axes", 0, "values"), [-1.0, 0.02, -0.02, 1.0], "not strictly ascending"),
         (("scheduling", "axes", 1, "values"), [0.0, 0.25, 0.25], "not strictly ascending"),

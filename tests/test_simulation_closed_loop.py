@@ -10,7 +10,7 @@ import hydroctl as hc
 from hydroctl import plant
 from hydroctl.errors import InputError, SimulationError
 from hydroctl.simulation import Scenario, rest_state, simulate_closed_loop
-from hydroctl.simulation.compiled import full, kernels_for, plain
+from hydroctl.simulation.compiled import Loop, law_build, loop_for, motion_build, motion_for
 from hydroctl.simulation.modes import fastest_mode, substeps
 from hydroctl.simulation.regulator import regulator_of
 from hydroctl.validation import tracking_scenarios
@@ -105,15 +105,16 @@ def test_leaving_out_absent_effects_changes_no_bit():
     """A machine without them run by the full kernels and by those that leave their lines out."""
     p, asked = plant.parameters(ACTUATOR), scenario()
     outs = []
+    regulator = regulator_of(schedule())
+    full, plain = (Loop(motion_build(build), law_build("notched"), "notched") for build in ("full", "plain"))
     for kernels in (full, plain):
         out = np.empty((7, asked.reference.size))
-        kernels.sampled.run(
-            tuple(rest_state(ACTUATOR, 0.25)), asked.reference, asked.v_ref, asked.load_force, regulator_of(schedule()), p, 2, out
-        )
+        kernels.sampled.run(tuple(rest_state(ACTUATOR, 0.25)), asked.reference, asked.v_ref, asked.load_force, regulator, p, 2, out)
         outs.append(out)
     assert np.array_equal(*outs)
-    assert kernels_for(ACTUATOR) is plain
-    assert kernels_for(ACTUATOR.replace(dead_band=0.01)) is full
+    assert motion_for(ACTUATOR) is motion_build("plain")
+    assert motion_for(ACTUATOR.replace(dead_band=0.01)) is motion_build("full")
+    assert loop_for(ACTUATOR, regulator).law is law_build("notched")
 
 
 @pytest.mark.parametrize("name", ["differential_100_56", "fast_50_28"])

@@ -5,13 +5,15 @@ import pytest
 from loops import PlainRegulator, schedule
 from scipy import signal
 
+from hydroctl import load_actuator, plant
 from hydroctl.errors import InputError
 from hydroctl.simulation import law
-from hydroctl.simulation.compiled import law as compiled
+from hydroctl.simulation.compiled import law_build
 from hydroctl.simulation.regulator import regulator_of
 from hydroctl.simulation.scalar import tan
 
 ROUNDING = 1e-12
+compiled = law_build("full")
 
 
 def constant(loop="velocity", *, kp, ki, kd, **changes):
@@ -20,10 +22,11 @@ def constant(loop="velocity", *, kp, ki, kd, **changes):
 
 
 def run(functions, given, inputs):
-    """Memory after every sample (n, 6) for rows of reference, v_ref, v, y."""
+    """Memory after every sample (n, 10) for rows of reference, v_ref, v, y, p_a, p_b; pressures default to 0."""
     regulator, memory, rows = regulator_of(given), law.AT_REST, []
     for row in inputs:
-        memory = functions.sample(*map(float, row), memory, regulator)
+        reference, v_ref, v, y, p_a, p_b = [*map(float, row), 0.0, 0.0][:6]
+        memory = functions.sample(reference, v_ref, (p_a, p_b, v, y), memory, regulator)
         rows.append(memory)
     return np.array(rows, dtype=float)
 
@@ -58,7 +61,7 @@ def test_scheduled_saturating_law_agrees_with_a_plain_route(loop, forward):
     if loop == "position":
         inputs[:, 0] = inputs[:, 3] + 0.04 * inputs[:, 0]
     plain = PlainRegulator(given)
-    expected = np.array([plain.command(*row) for row in inputs])
+    expected = np.array([plain.command(reference, v_ref, 0.0, 0.0, v, y) for reference, v_ref, v, y in inputs])
     saturated = np.mean(np.abs(expected) == 1.0)
     assert 0.1 < saturated < 0.95
     assert run(compiled, given, inputs)[:, 5] == pytest.approx(expected, rel=0, abs=1e-10)
@@ -68,6 +71,121 @@ def test_compiled_law_and_the_same_lines_in_python_agree():
     given = schedule(kd=np.full((4, 3), 1e-3), feed_forward=True)
     inputs = random_inputs(200, 0.05)
     assert run(compiled, given, inputs) == pytest.approx(run(law, given, inputs), rel=0, abs=ROUNDING)
+
+
+EFFECTS = {
+    "filter": {"Tm": 3e-3},
+    "weights": {"b": 0.6, "c": 0.0},
+    "lead": {"sections": ((0.5, 3.0),)},
+    "lead-lag": {"sections": ((0.5, 3.0), (0.05, 0.02))},
+    "lead-lag without notch": {"sections": ((0.5, 3.0), (0.05, 0.02)), "zz": 0.8},
+    "pressures": {"pressure_drops": np.array([[9e6, 11e6], [10e6, 8e6]])},
+    "dead band": {"dead_band_inverse": 0.85, "actuator": load_actuator("reference").replace(dead_band=0.05)},
+}
+EFFECTS["all"] = {name: value for effect in list(EFFECTS.values())[:-2] for name, value in effect.items()} | {
+    "zz": 0.2,
+    "pressure_drops": EFFECTS["pressures"]["pressure_drops"],
+    **EFFECTS["dead band"],
+}
+
+
+def disturbed_inputs(loop):
+    """Random inputs with saturation, sensors that fail now and then, and pressures beyond supply and tank."""
+    inputs = np.column_stack([random_inputs(400, 0.5), np.random.default_rng(3).uniform(-2e6, 23e6, (400, 2))])
+    inputs[::5, 1] = 0.0
+    if loop == "position":
+        inputs[:, 0] = inputs[:, 3] + 0.01 * inputs[:, 0]
+    for column, row in enumerate(range(50, 350, 50)):
+        inputs[row : row + 3, column] = (np.nan, np.inf, -np.inf)
+    return inputs
+
+
+@pytest.mark.parametrize("loop", ["velocity", "position"])
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_every_effect_of_the_law_agrees_with_a_plain_route(loop, effect):
+    given = schedule(loop, kd=np.full((4, 3), 2e-4), feed_forward=True, **EFFECTS[effect])
+    inputs = disturbed_inputs(loop)
+    plain = PlainRegulator(given)
+    expected = np.array([plain.command(*row[:2], *row[4:], *row[2:4]) for row in inputs])
+    assert 0.05 < np.mean(np.abs(expected) == 1.0) < 0.95
+    assert run(compiled, given, inputs)[:, 5] == pytest.approx(expected, rel=0, abs=1e-10)
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_a_start_holds_the_command_that_it_is_given(effect):
+    given = schedule(kd=np.full((4, 3), 2e-4), feed_forward=True, **EFFECTS[effect])
+    regulator, measured = regulator_of(given), (6e6, 7e6, 0.013, 0.2)
+    for x in (-1.0, -0.3, -1e-3, 0.0, 0.04, 0.7, 1.0):
+        memory = compiled.start(x, 0.02, 0.02, measured, regulator)
+        assert compiled.sample(0.02, 0.02, measured, memory, regulator).x == pytest.approx(x, abs=1e-12)
+
+
+def test_a_start_without_integral_lets_the_law_decide():
+    regulator = regulator_of(constant(kp=2.0, ki=0.0, kd=0.0))
+    measured = (0.0, 0.0, 0.01, 0.2)
+    memory = compiled.start(0.9, 0.03, 0.0, measured, regulator)
+    assert compiled.sample(0.03, 0.0, measured, memory, regulator).x == pytest.approx(0.04, rel=1e-12)
+
+
+@pytest.mark.parametrize("column", range(4))
+def test_a_broken_sensor_closes_the_valve_and_the_next_sound_sample_is_a_start(column):
+    inputs = random_inputs(40, 0.05)
+    inputs[20, column] = np.nan
+    rows = run(compiled, schedule(), inputs)
+    assert (rows[20] == law.AT_REST).all()
+    assert (rows[21:] == run(compiled, schedule(), inputs[21:])).all()
+
+
+def test_a_sensor_that_the_loop_does_not_need_may_break():
+    inputs = random_inputs(40, 0.01)
+    sound = run(compiled, schedule("position"), inputs)
+    inputs[20:, 2] = np.nan
+    assert (run(compiled, schedule("position"), inputs) == sound).all()
+
+
+def test_a_derivative_on_the_measurement_does_not_see_the_reference():
+    given = constant(kp=0.0, ki=0.0, kd=1e-3, c=0.0)
+    steps = np.array([[0.0, 0.0, 0.01, 0.1]] * 5 + [[0.5, 0.0, 0.01, 0.1]] * 5)
+    assert (run(compiled, given, steps)[:, 5] == 0.0).all()
+
+
+@pytest.mark.parametrize("share", [0.8, 0.9])
+def test_the_inverse_lets_a_dead_band_pass_nearly_what_is_asked(share):
+    """Monotone, odd, exact at the ends; where the valve opens, the jump is over and the valve passes within a few percent of w."""
+    machine = load_actuator("reference").replace(dead_band=0.05)
+    regulator = regulator_of(schedule(dead_band_inverse=share, actuator=machine))
+    w = np.linspace(-1.0, 1.0, 2001)
+    x = law.inverse(w, regulator)
+    assert (np.diff(x) > 0.0).all()
+    assert x == pytest.approx(-x[::-1], abs=1e-15)
+    assert (x[0], x[1000], x[-1]) == pytest.approx((-1.0, 0.0, 1.0), abs=1e-15)
+    passed = plant.effective_opening(x, plant.parameters(machine))
+    bare = plant.effective_opening(w, plant.parameters(machine))
+    assert np.abs(passed - w).max() < 0.7 * np.abs(bare - w).max()
+
+
+def test_the_ratio_is_one_at_the_design_and_takes_the_load_out_of_the_gain():
+    """dv/dt per opening is proportional to q, so ratio x q does not depend on the pressures (inside the clip)."""
+    drops = np.array([[9e6, 11e6], [10e6, 8e6]])
+    regulator = regulator_of(schedule(pressure_drops=drops))
+    machine = load_actuator("reference")
+    supply, tank = machine.supply_pressure, machine.tank_pressure
+    at_design = (supply - drops[1, 0], tank + drops[1, 1]), (tank + drops[0, 0], supply - drops[0, 1])
+    for opening, pressures in zip((0.3, -0.3), at_design, strict=True):
+        assert law.pressure_ratio(opening, 0.2, *pressures, regulator) == pytest.approx(1.0, rel=1e-14)
+    p = plant.parameters(machine)
+    gains = []
+    for p_a in (5e6, 8e6, 10e6):
+        dp_a, dp_b, _ = np.subtract(plant.rates(p_a, 7e6, 0.0, 0.2, 0.1, 0.0, p), plant.rates(p_a, 7e6, 0.0, 0.2, 0.0, 0.0, p))
+        gains.append(law.pressure_ratio(0.1, 0.2, p_a, 7e6, regulator) * (machine.area_a * dp_a - machine.area_b * dp_b))
+    assert gains == pytest.approx([gains[0]] * 3, rel=1e-12)
+
+
+@pytest.mark.parametrize("build", ["notched", "plain"])
+def test_leaving_out_unused_effects_changes_no_bit(build):
+    given = schedule(kd=np.full((4, 3), 2e-4), feed_forward=True, zz=0.2 if build == "notched" else 0.8)
+    inputs = random_inputs(300, 0.3)
+    assert (run(law_build(build), given, inputs)[:, 5] == run(compiled, given, inputs)[:, 5]).all()
 
 
 def test_equal_dampings_pass_the_command_on_unchanged():
@@ -80,10 +198,10 @@ def test_equal_dampings_pass_the_command_on_unchanged():
 def test_integrator_holds_the_opening_so_a_change_of_ki_makes_no_step():
     """The integral is stored in units of x: with e = 0 the command stays what it was, whatever ki has become."""
     given = constant(kp=0.0, ki=100.0, kd=0.0, zz=0.5, zp=0.5)
-    memory = (0.25, 0.0, 0.0, 0.0, 0.0, 0.25)
+    memory = law.AT_REST._replace(integral=0.25, x=0.25, running=1.0)
     for ki in (1.0, 1e4):
         changed = regulator_of(constant(kp=0.0, ki=ki, kd=0.0, zz=0.5, zp=0.5))
-        assert compiled.sample(0.0, 0.0, 0.0, 0.1, memory, changed)[5] == 0.25
+        assert compiled.sample(0.0, 0.0, (0.0, 0.0, 0.0, 0.1), memory, changed).x == 0.25
     assert regulator_of(given).table[0, 0, 1] == 100.0
 
 
@@ -100,16 +218,16 @@ def test_lookup_never_crosses_zero_and_is_clipped_at_the_nodes():
     kp = np.array([[1.0], [2.0], [30.0], [40.0]]) * np.ones(3)
     regulator = regulator_of(schedule(kp=kp, ki=0 * kp, zz=0.5, zp=0.5))
     for x, expected in ((-1.0, 1.0), (-0.55, 1.5), (-0.1, 2.0), (-1e-9, 2.0), (0.0, 30.0), (0.05, 30.0), (0.55, 35.0), (1.0, 40.0)):
-        memory = (0.0, 0.0, 0.0, 0.0, 0.0, x)
-        assert compiled.sample(1e-3, 0.0, 0.0, 0.3, memory, regulator)[5] == pytest.approx(expected * 1e-3, rel=1e-12)
+        memory = law.AT_REST._replace(x=x)
+        assert compiled.sample(1e-3, 0.0, (0.0, 0.0, 0.0, 0.3), memory, regulator).x == pytest.approx(expected * 1e-3, rel=1e-12)
 
 
 def test_tables_of_one_node_are_constant():
     given = schedule(x=np.array([0.1]), y=np.array([0.2]), **{n: np.ones((1, 1)) for n in ("kp", "ki", "kd", "notch_frequency")})
     regulator = regulator_of(given)
     for x, y in ((-0.7, 0.0), (0.0, 0.5), (1.0, 0.2)):
-        memory = compiled.sample(1e-3, 0.0, 0.0, y, (0.0, 0.0, 0.0, 0.0, 0.0, x), regulator)
-        assert memory[0] == pytest.approx(1e-6, rel=1e-12)
+        memory = compiled.sample(1e-3, 0.0, (0.0, 0.0, 0.0, y), law.AT_REST._replace(x=x), regulator)
+        assert memory.integral == pytest.approx(1e-6, rel=1e-12)
 
 
 def test_feed_forward_vanishes_at_rest_and_keeps_the_leakage_offset_of_each_side():

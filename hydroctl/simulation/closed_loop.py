@@ -34,11 +34,11 @@ def simulate_closed_loop(
     count = substeps or needed_substeps(actuator, scenario.Ts)
     out = np.empty((7, scenario.reference.size))
 
-    from .compiled import kernels_for
+    from .compiled import loop_for
 
-    p = plant.parameters(actuator)
-    final = kernels_for(actuator).sampled.run(
-        tuple(start), scenario.reference, scenario.v_ref, load, regulator_of(schedule), p, count, out
+    p, regulator = plant.parameters(actuator), regulator_of(schedule)
+    final = loop_for(actuator, regulator).sampled.run(
+        tuple(start), scenario.reference, scenario.v_ref, load, regulator, p, count, out
     )
     integrator = f"Runge-Kutta 6, {count} substeps of {scenario.Ts / count:g} s per sample"
     p_a, p_b, v, y, spool, x, command = out

@@ -1,7 +1,8 @@
 """The project's own equations, compiled with numba as they stand: the plant, its motion, its integration, the regulator law.
 
-`law` and the modules of `full` and `plain` hold the functions of the modules of these names, compiled when first called, with
-`scalar` in the place of numpy; the machine code is kept on disk. `plain` is for machines without the effects in `absent`.
+The modules of a `Motion` and of a `Loop` hold the functions of the modules of these names, compiled when first called, with
+`scalar` in the place of numpy; the machine code is kept on disk. There are builds for machines without the effects in `absent`,
+and for schedules without those in `absent_law`.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import inspect
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from types import FunctionType, ModuleType
 
@@ -17,6 +19,7 @@ import numba
 from .. import plant as _plant
 from ..actuator import Actuator
 from . import absent as _absent
+from . import absent_law as _absent_law
 from . import butcher as _butcher
 from . import dormand_prince as _dormand_prince
 from . import lanes as _lanes
@@ -24,6 +27,7 @@ from . import law as _law
 from . import motion as _motion
 from . import sampled as _sampled
 from . import scalar
+from .law import Regulator
 
 _HERE = Path(__file__).parent
 
@@ -68,27 +72,58 @@ def functions(module: ModuleType) -> dict:
     return {name: value for name, value in vars(module).items() if isinstance(value, numba.core.dispatcher.Dispatcher)}
 
 
-class Kernels:
-    """All compiled modules of one build: `plant`, `motion`, `butcher`, `dormand_prince`, `sampled`, `lanes`."""
+class Motion:
+    """The compiled modules of one machine build: `plant`, `motion`, `butcher`, `dormand_prince`."""
 
     def __init__(self, build: str, **replaced):
+        self.build = build
         self.plant = compiled(_plant, build, **replaced)
         self.motion = compiled(_motion, build, plant=self.plant, **replaced)
         field = {"plus": self.motion.plus, "slope": self.motion.slope, "told": self.motion.told}
         self.butcher = compiled(_butcher, build, plus=field["plus"], slope=field["slope"])
         self.dormand_prince = compiled(_dormand_prince, build, **field)
-        loop = {"law": law, "motion": self.motion, "butcher": self.butcher}
-        self.sampled = compiled(_sampled, build, **loop)
-        self.lanes = compiled(_lanes, build, **loop)
 
 
-law = compiled(_law, "law")
-full = Kernels("full")
-plain = Kernels("plain", **functions(compiled(_absent, "absent")))
+class Loop:
+    """The compiled closed loop of one machine build and one law build: `law`, `sampled`, `lanes`."""
+
+    def __init__(self, motion: Motion, law: ModuleType, build: str):
+        self.law = law
+        modules = {"law": law, "motion": motion.motion, "butcher": motion.butcher}
+        self.sampled = compiled(_sampled, f"{motion.build}_{build}", **modules)
+        self.lanes = compiled(_lanes, f"{motion.build}_{build}", **modules)
 
 
-def kernels_for(actuator: Actuator) -> Kernels:
+@cache
+def motion_build(build: str) -> Motion:
+    """ "full", or "plain" for machines without the effects in `absent`."""
+    return Motion(build, **({} if build == "full" else functions(compiled(_absent, "absent"))))
+
+
+@cache
+def law_build(build: str) -> ModuleType:
+    """The compiled law: "full", "notched" for schedules without the effects in `absent_law` but a notch, "plain" without any."""
+    absent = {} if build == "full" else functions(compiled(_absent_law, "absent"))
+    if build == "notched":
+        del absent["notch"]
+    return compiled(_law, f"law_{build}", **absent)
+
+
+@cache
+def _loop(motion: str, law: str) -> Loop:
+    return Loop(motion_build(motion), law_build(law), law)
+
+
+def motion_for(actuator: Actuator) -> Motion:
     """The kernels that integrate `actuator`: without the lines of effects that it does not have, where it has none of them."""
     p = _plant.parameters(actuator)
     effects = (p.breakaway_friction, p.end_stop_stiffness, p.valve_natural_frequency, p.dead_band)
-    return full if any(effects) else plain
+    return motion_build("full" if any(effects) else "plain")
+
+
+def loop_for(actuator: Actuator, regulator: Regulator) -> Loop:
+    """The kernels that run `regulator` on `actuator`, without the lines of what they do not use."""
+    r = regulator
+    used = (r.Tm, r.compensated, r.inverse_depth, *(zero != pole for zero, pole in r.sections))
+    law = "full" if any(used) else "notched" if r.zz != r.zp else "plain"
+    return _loop(motion_for(actuator).build, law)

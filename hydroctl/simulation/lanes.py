@@ -39,9 +39,9 @@ SUMS = (
 """What is added up per case; the first nine concern the last step of the reference."""
 P_A, P_B, V, Y, SPOOL, SPOOL_RATE = (LANES * row for row in range(6))
 BULK, MASS, SUPPLY, VISCOUS, LOAD = (LANES * row for row in range(6, 11))
-INTEGRAL, DERIVATIVE, ERROR, NOTCH_1, NOTCH_2, X = (LANES * row for row in range(11, 17))
-KP, KI, KD, WN, TOLD, I_X, I_Y = (LANES * row for row in range(17, 24))
-FIRST_SUM = 24
+INTEGRAL, DERIVATIVE, LAST, NOTCH_1, NOTCH_2, X, SECTION_1, SECTION_2, FILTERED, RUNNING = (LANES * row for row in range(11, 21))
+KP, KI, KD, WN, TOLD, I_X, I_Y = (LANES * row for row in range(21, 28))
+FIRST_SUM = 28
 ROWS = FIRST_SUM + len(SUMS)
 (START, PER_STEP, RISE_10, RISE_90, OUTSIDE, MOST, LATE_LEAST, LATE_MOST, LATE_SUM) = (
     LANES * row for row in range(FIRST_SUM, FIRST_SUM + 9)
@@ -100,26 +100,39 @@ def _look_up(w, regulator):
         w[KP + i] = law.interpolate(regulator.table, row, column, fraction_x, fraction_y, 0)
         w[KI + i] = law.interpolate(regulator.table, row, column, fraction_x, fraction_y, 1)
         w[KD + i] = law.interpolate(regulator.table, row, column, fraction_x, fraction_y, 2)
-        if regulator.zz != regulator.zp:
+        if regulator.shaped:
             w[WN + i] = law.interpolate(regulator.table, row, column, fraction_x, fraction_y, 3)
 
 
-def _regulate(w, reference, forward, measured, regulator):
+def _regulate(w, reference, forward, regulator):
     for i in range(LANES):
         gains = (w[KP + i], w[KI + i], w[KD + i], w[WN + i])
-        memory = (w[INTEGRAL + i], w[DERIVATIVE + i], w[ERROR + i], w[NOTCH_1 + i], w[NOTCH_2 + i], w[X + i])
-        new = law.regulate(reference - w[measured + i], forward, gains, memory, regulator)
-        change = new[5] - w[X + i]
-        w[VARIATION + i] += abs(change)
-        w[INTEGRAL + i], w[DERIVATIVE + i], w[ERROR + i], w[NOTCH_1 + i], w[NOTCH_2 + i], w[X + i] = new
+        memory = law.Memory(
+            w[INTEGRAL + i],
+            w[DERIVATIVE + i],
+            w[LAST + i],
+            w[NOTCH_1 + i],
+            w[NOTCH_2 + i],
+            w[X + i],
+            w[SECTION_1 + i],
+            w[SECTION_2 + i],
+            w[FILTERED + i],
+            w[RUNNING + i],
+        )
+        seen = (w[P_A + i], w[P_B + i], w[V + i], w[Y + i])
+        new = law.regulate(reference, forward, seen, gains, memory, regulator)
+        w[VARIATION + i] += abs(new.x - w[X + i])
+        w[INTEGRAL + i], w[DERIVATIVE + i], w[LAST + i], w[NOTCH_1 + i], w[NOTCH_2 + i] = new[:5]
+        w[X + i], w[SECTION_1 + i], w[SECTION_2 + i], w[FILTERED + i], w[RUNNING + i] = new[5:]
 
 
-def _measure(w, k, first, late, measured, target, p, Ts):
+def _measure(w, k, first, late, measured, reference, target, p, Ts):
     """Add the motion at sample k to the sums. `first`: the sample of the last step; `late`: from where it should have settled."""
     is_step = 1.0 if k == first else 0.0
     since, is_after, is_late = float(k - first), k >= first, k >= late
     for i in range(LANES):
-        value, error, x = w[measured + i], w[ERROR + i], w[X + i]
+        value, x = w[measured + i], w[X + i]
+        error = reference - value
         w[IAE + i] += abs(error) * Ts
         w[ISE + i] += error * error * Ts
         w[LARGEST + i] = max(w[LARGEST + i], abs(error))
@@ -155,8 +168,8 @@ def run(cases, initial, reference, v_ref, load, first, late, steady, regulator, 
         queue[:] = 0.0
         for k in range(reference.size):
             _look_up(w, regulator)
-            _regulate(w, reference[k], law.feed_forward(v_ref[k], regulator), measured, regulator)
-            _measure(w, k, first, late, measured, reference[-1], p, regulator.Ts)
+            _regulate(w, reference[k], law.feed_forward(v_ref[k], regulator), regulator)
+            _measure(w, k, first, late, measured, reference[k], reference[-1], p, regulator.Ts)
             if k >= steady:
                 for i in range(LANES):
                     w[LATE_SUM + i] += (w[measured + i] - w[START + i]) * w[PER_STEP + i]

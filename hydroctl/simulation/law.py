@@ -1,18 +1,29 @@
 """The sampled regulator law, written once: what runs each sample in every simulation and what an exported regulator must do.
 
-At sample k, with the reference r, the measured quantity m (v for a velocity loop, y for a position loop) and the measured y:
+At sample k, with the reference r, the measured quantity m (v for a velocity loop, y for a position loop), the measured y and,
+for the compensation of the pressures, p_a and p_b:
 
     kp, ki, kd, wn   bilinear in (x[k-1], y), clipped to the nodes; x[k-1] >= 0 uses the nodes with x > 0, else those with x < 0
-    e  = r - m
-    d  = (Tf d + e - e[k-1])/(Tf + Ts)                              derivative of e, backward Euler
-    u  = kp e + I + kd d
-    w  = notch(u) + feed-forward(v_ref)                             feed-forward: v_ref/K + offset of the side of v_ref, 0 at 0
-    x  = w limited to [-1, 1]
-    I += Ts (ki e + (x - w)/Tt)                                     forward Euler, in units of x; back-calculation of the limit;
+    m_f = m + Tm/(Tm + Ts) (m_f - m)                                filter of the measurement, backward Euler; m_f = m at a start
+    e  = r - m_f
+    d  = (Tf d + g - g[k-1])/(Tf + Ts),  g = c r - m_f              derivative, backward Euler; c = 1 on the error, 0 on m_f
+    u  = kp (b r - m_f) + I + kd d                                  b: set-point weight
+    w  = ratio (notch(lead-lag(u)) + feed-forward(v_ref))           feed-forward: v_ref/K + offset of the side of v_ref, 0 at 0
+    x  = inverse(w limited to [-1, 1])                              inverse of the dead band
+    I += Ts (ki e + (w limited - w)/(ratio Tt))                     forward Euler, in units of x; back-calculation of the limit;
                                                                     stays 0 for a schedule whose ki is 0 everywhere
 
-The notch (s^2 + 2 zz wn s + wn^2)/(s^2 + 2 zp wn s + wn^2) is Tustin's, prewarped at wn, in the transposed direct form II; with
-zz = zp it passes u on unchanged. Every function takes numbers, as Python or compiled, and is free of branches.
+The notch (s^2 + 2 zz wn s + wn^2)/(s^2 + 2 zp wn s + wn^2) and the two lead-lag sections (s/(z wn) + 1)/(s/(p wn) + 1) are
+Tustin's, prewarped at wn, in the transposed direct form II; with zz = zp, and with z = p, they pass u on unchanged. The ratio
+q_ref/q, clipped to [0.4, 3], undoes what the load does to the gain, which is proportional to
+
+    q = g_a sqrt(dp_a)/V_a + g_b sqrt(dp_b)/V_b
+
+with the pressure drops dp over the open edges; q_ref is the design's.
+
+A start, m_f = m and g[k-1] = (c - 1) m, takes the reference before the first sample as equal to the measurement. Where an input is
+not finite (a broken sensor) x = 0, and the next sound sample is a start. Every function takes numbers, as Python or compiled;
+`regulate` is free of branches.
 """
 
 from __future__ import annotations
@@ -20,6 +31,29 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+
+LEAST_RATIO, MOST_RATIO = 0.4, 3.0
+_LEAST_DROP = 1.0
+"""Pa; keeps the root of a pressure drop real"""
+
+
+class Compensation(NamedTuple):
+    """What q needs: the flow per root of pressure drop at x = 1 times the area, volumes at y = 0, areas, pressures, and the
+    design's own pressure drops for either direction."""
+
+    flow_a: float
+    flow_b: float
+    volume_a: float
+    volume_b: float
+    area_a: float
+    area_b: float
+    stroke: float
+    supply_pressure: float
+    tank_pressure: float
+    extend_drop_a: float
+    extend_drop_b: float
+    retract_drop_a: float
+    retract_drop_b: float
 
 
 class Regulator(NamedTuple):
@@ -41,8 +75,15 @@ class Regulator(NamedTuple):
     """True: y is controlled, False: v is"""
     Ts: float
     Tf: float
+    Tm: float
+    b: float
+    c: float
     zz: float
     zp: float
+    sections: tuple[tuple[float, float], tuple[float, float]]
+    """(z, p) of the two lead-lag sections"""
+    shaped: bool
+    """whether there is a notch or a section, so that wn is needed"""
     tracking_rate: float
     """1/Tt in 1/s; 0 for a schedule without integral"""
     extend_slope: float
@@ -50,11 +91,36 @@ class Regulator(NamedTuple):
     extend_offset: float
     retract_slope: float
     retract_offset: float
+    compensated: bool
+    compensation: Compensation
+    inverse_depth: float
+    """the part of the opening that the inverse of the dead band jumps over; 0: no inverse"""
+    inverse_width: float
+    """the opening over which it does so"""
     delay_samples: int
 
 
-AT_REST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-"""The memory before the first sample: integral, derivative, last error, two states of the notch, last x."""
+class Memory(NamedTuple):
+    """What the law remembers from sample to sample."""
+
+    integral: float
+    derivative: float
+    last: float
+    """g[k-1]"""
+    notch_1: float
+    notch_2: float
+    x: float
+    """the command"""
+    section_1: float
+    section_2: float
+    filtered: float
+    """m_f"""
+    running: float
+    """1 after a sample, 0 before the first"""
+
+
+AT_REST = Memory(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""Before the first sample."""
 
 
 def clipped_opening(x, regulator):
@@ -88,9 +154,23 @@ def interpolate(table, i, j, fraction_x, fraction_y, column):
     return low + fraction_x * (high - low)
 
 
-def notch_coefficients(wn, zz, zp, Ts):
-    """(b0, b1, b2, a2) of the notch at wn; a1 = b1. Needs wn Ts < pi."""
-    w = np.tan(0.5 * wn * Ts)
+def gains_at(x, y, regulator):
+    """(kp, ki, kd, wn) at the opening x and the position y."""
+    x_c, y_c = clipped_opening(x, regulator), clipped_position(y, regulator)
+    i, j = interval(regulator.x, x_c), interval(regulator.y, y_c)
+    fraction_x = (x_c - regulator.x[i]) * regulator.x_slope[i]
+    fraction_y = (y_c - regulator.y[j]) * regulator.y_slope[j]
+    table = regulator.table
+    return (
+        interpolate(table, i, j, fraction_x, fraction_y, 0),
+        interpolate(table, i, j, fraction_x, fraction_y, 1),
+        interpolate(table, i, j, fraction_x, fraction_y, 2),
+        interpolate(table, i, j, fraction_x, fraction_y, 3),
+    )
+
+
+def notch_coefficients(w, zz, zp):
+    """(b0, b1, b2, a2) of the notch for w = tan(wn Ts/2); a1 = b1. Needs wn Ts < pi."""
     square = w * w
     scale = 1.0 / (1.0 + 2.0 * zp * w + square)
     return (
@@ -101,6 +181,36 @@ def notch_coefficients(wn, zz, zp, Ts):
     )
 
 
+def section_coefficients(w, section):
+    """(b0, b1, a1) of a lead-lag section (z, p) for w = tan(wn Ts/2)."""
+    zero, pole = 1.0 / section[0], 1.0 / section[1]
+    return (zero + w) / (pole + w), (w - zero) / (pole + w), (w - pole) / (pole + w)
+
+
+def filtered(measured, memory, regulator):
+    """m_f"""
+    follows = measured + regulator.Tm / (regulator.Tm + regulator.Ts) * (memory.filtered - measured)
+    return np.where(memory.running == 0.0, measured, follows)
+
+
+def lead_lag(u, wn, memory, regulator):
+    """(output, new state 1, new state 2) of the two sections in series."""
+    w = np.tan(0.5 * wn * regulator.Ts)
+    b0, b1, a1 = section_coefficients(w, regulator.sections[0])
+    first = b0 * u + memory.section_1
+    state_1 = b1 * u - a1 * first
+    b0, b1, a1 = section_coefficients(w, regulator.sections[1])
+    second = b0 * first + memory.section_2
+    return second, state_1, b1 * first - a1 * second
+
+
+def notch(u, wn, memory, regulator):
+    """(output, new state 1, new state 2) of the notch."""
+    b0, b1, b2, a2 = notch_coefficients(np.tan(0.5 * wn * regulator.Ts), regulator.zz, regulator.zp)
+    out = b0 * u + memory.notch_1
+    return out, b1 * u - b1 * out + memory.notch_2, b2 * u - a2 * out
+
+
 def feed_forward(v_ref, regulator):
     """The opening that gives the speed v_ref in steady state; 0 at rest."""
     slope = np.where(v_ref < 0.0, regulator.retract_slope, regulator.extend_slope)
@@ -108,35 +218,97 @@ def feed_forward(v_ref, regulator):
     return np.where(v_ref == 0.0, 0.0, v_ref * slope + offset)
 
 
-def regulate(error, forward, gains, memory, regulator):
-    """The new memory after one sample: gains = (kp, ki, kd, wn), forward = the feed-forward. The memory's x is the command."""
+def pressure_ratio(opening, y, p_a, p_b, regulator):
+    """q_ref/q for the edges that `opening` opens; 1 without compensation."""
+    k = regulator.compensation
+    extends = opening >= 0.0
+    drop_a = np.where(extends, k.supply_pressure - p_a, p_a - k.tank_pressure)
+    drop_b = np.where(extends, p_b - k.tank_pressure, k.supply_pressure - p_b)
+    root_a = np.sqrt(np.where(drop_a > _LEAST_DROP, drop_a, _LEAST_DROP))
+    root_b = np.sqrt(np.where(drop_b > _LEAST_DROP, drop_b, _LEAST_DROP))
+    reference_a = np.sqrt(np.where(extends, k.extend_drop_a, k.retract_drop_a))
+    reference_b = np.sqrt(np.where(extends, k.extend_drop_b, k.retract_drop_b))
+    inside = np.where(y < 0.0, 0.0, np.where(y > k.stroke, k.stroke, y))
+    weight_a = k.flow_a / (k.volume_a + k.area_a * inside)
+    weight_b = k.flow_b / (k.volume_b - k.area_b * inside)
+    ratio = (weight_a * reference_a + weight_b * reference_b) / (weight_a * root_a + weight_b * root_b)
+    raised = np.where(ratio < LEAST_RATIO, LEAST_RATIO, ratio)
+    return np.where(regulator.compensated, np.where(raised > MOST_RATIO, MOST_RATIO, raised), 1.0)
+
+
+def inverse(w, regulator):
+    """The opening that lets the dead band pass w, |w| <= 1: a smooth jump by `inverse_depth`, done at about `inverse_width`."""
+    size, width = np.where(w < 0.0, -w, w), regulator.inverse_width
+    return w + regulator.inverse_depth * w * ((1.0 + width) / (size + width) - 1.0)
+
+
+def regulate(reference, forward, measured, gains, memory, regulator):
+    """The new memory after one sample.
+
+    forward: the feed-forward. measured = (p_a, p_b, v, y). gains = (kp, ki, kd, wn). The memory's x is the command.
+    """
     kp, ki, kd, wn = gains
-    integral, derivative, last_error, s1, s2, _ = memory
+    p_a, p_b, v, y = measured
     Ts, Tf = regulator.Ts, regulator.Tf
-    derivative = (Tf * derivative + error - last_error) / (Tf + Ts)
-    u = kp * error + integral + kd * derivative
-    b0, b1, b2, a2 = notch_coefficients(wn, regulator.zz, regulator.zp, Ts)
-    notched = b0 * u + s1
-    s1, s2 = b1 * u - b1 * notched + s2, b2 * u - a2 * notched
-    wanted = notched + forward
+    m = np.where(regulator.position, y, v)
+    m_f = filtered(m, memory, regulator)
+    error = reference - m_f
+    g = regulator.c * reference - m_f
+    before = np.where(memory.running == 0.0, (regulator.c - 1.0) * m, memory.last)
+    derivative = (Tf * memory.derivative + g - before) / (Tf + Ts)
+    u = kp * (regulator.b * reference - m_f) + memory.integral + kd * derivative
+    led, section_1, section_2 = lead_lag(u, wn, memory, regulator)
+    notched, notch_1, notch_2 = notch(led, wn, memory, regulator)
+    opening = notched + forward
+    ratio = pressure_ratio(opening, y, p_a, p_b, regulator)
+    wanted = ratio * opening
     raised = np.where(wanted < -1.0, -1.0, wanted)
-    x = np.where(raised > 1.0, 1.0, raised)
-    integral = integral + Ts * (ki * error + (x - wanted) * regulator.tracking_rate)
-    return integral, derivative, error, s1, s2, x
+    limited = np.where(raised > 1.0, 1.0, raised)
+    x = inverse(limited, regulator)
+    integral = memory.integral + Ts * (ki * error + (limited - wanted) / ratio * regulator.tracking_rate)
+    return Memory(integral, derivative, g, notch_1, notch_2, x, section_1, section_2, m_f, 1.0)
 
 
-def sample(reference, v_ref, v, y, memory, regulator):
-    """The whole law for one sample: lookup at (memory's x, y), then `regulate`. Returns the new memory."""
-    x_c, y_c = clipped_opening(memory[5], regulator), clipped_position(y, regulator)
-    i, j = interval(regulator.x, x_c), interval(regulator.y, y_c)
-    fraction_x = (x_c - regulator.x[i]) * regulator.x_slope[i]
-    fraction_y = (y_c - regulator.y[j]) * regulator.y_slope[j]
-    table = regulator.table
-    gains = (
-        interpolate(table, i, j, fraction_x, fraction_y, 0),
-        interpolate(table, i, j, fraction_x, fraction_y, 1),
-        interpolate(table, i, j, fraction_x, fraction_y, 2),
-        interpolate(table, i, j, fraction_x, fraction_y, 3),
-    )
-    error = reference - np.where(regulator.position, y, v)
-    return regulate(error, feed_forward(v_ref, regulator), gains, memory, regulator)
+def sample(reference, v_ref, measured, memory, regulator):
+    """The whole law for one sample: lookup at (memory's x, y), then `regulate`. Returns the new memory.
+
+    measured = (p_a, p_b, v, y); of the pressures only a compensation reads, of v only a velocity loop.
+    """
+    p_a, p_b, v, y = measured
+    needed = reference + v_ref + y
+    if not regulator.position:
+        needed += v
+    if regulator.compensated:
+        needed += p_a + p_b
+    if not np.isfinite(needed):
+        return AT_REST
+    gains = gains_at(memory.x, y, regulator)
+    return regulate(reference, feed_forward(v_ref, regulator), measured, gains, memory, regulator)
+
+
+def start(x, reference, v_ref, measured, regulator):
+    """The memory from which the next sample, with these inputs, gives the command x: a bumpless start, or change of schedule.
+
+    |x| <= 1. Filters stand in their steady state. Without an integral nothing can hold x: its memory is 0, and the command jumps
+    to what the law asks for.
+    """
+    p_a, p_b, v, y = measured
+    m = np.where(regulator.position, y, v)
+    kp, _, _, wn = gains_at(x, y, regulator)
+    slope = 1.0 - regulator.inverse_depth
+    middle = slope * regulator.inverse_width + regulator.inverse_depth * (1.0 + regulator.inverse_width)
+    size = np.where(x < 0.0, -x, x)
+    half = 0.5 * (middle - size)
+    limited = (np.sqrt(half * half + slope * size * regulator.inverse_width) - half) / slope
+    opening = np.where(x < 0.0, -limited, limited)
+    opening = opening / pressure_ratio(opening, y, p_a, p_b, regulator)
+    proportional = kp * (regulator.b * reference - m)
+    held = opening - feed_forward(v_ref, regulator) - proportional
+    integral = np.where(regulator.tracking_rate == 0.0, 0.0, held)
+    u = proportional + integral
+    w = np.tan(0.5 * wn * regulator.Ts)
+    _, _, b2, a2 = notch_coefficients(w, regulator.zz, regulator.zp)
+    _, b1, a1 = section_coefficients(w, regulator.sections[0])
+    _, d1, c1 = section_coefficients(w, regulator.sections[1])
+    rest = (b2 - a2) * u
+    return Memory(integral, 0.0, regulator.c * reference - m, rest, rest, x, (b1 - a1) * u, (d1 - c1) * u, m, 1.0)

@@ -31,9 +31,9 @@ def simulate(actuator: Actuator, t, x, *, initial: State | None = None, load_for
     p = plant.parameters(actuator)
     out = np.empty((6, t.size))
 
-    from .compiled import kernels_for
+    from .compiled import motion_for
 
-    integrate = kernels_for(actuator).dormand_prince.integrate
+    integrate = motion_for(actuator).dormand_prince.integrate
     steps, reached = integrate(t, x, load + actuator.load_force, tuple(start), p, rtol, _scales(actuator), _MOST_STEPS, out)
     if reached < t[-1]:
         raise SimulationError(

@@ -6,25 +6,30 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .. import plant
 from ..errors import InputError
-from .law import Regulator
+from .law import Compensation, Regulator
 
 if TYPE_CHECKING:
+    from ..actuator import Actuator
     from ..schedule import GainSchedule
+
+_UNUSED_SECTIONS = ((1.0, 1.0), (1.0, 1.0))
 
 
 def regulator_of(schedule: GainSchedule) -> Regulator:
     """The schedule's tables and constants. Raises InputError where the law could not run on them."""
     s = schedule
     x, y = np.array(s.x, dtype=float), np.array(s.y, dtype=float)
-    tables = (s.kp, s.ki, s.kd, np.where(s.zz == s.zp, 0.0, s.notch_frequency))
+    shaped = s.zz != s.zp or bool(s.sections)
+    tables = (s.kp, s.ki, s.kd, s.notch_frequency if shaped else np.zeros_like(s.notch_frequency))
     table = np.ascontiguousarray(np.stack([np.array(values, dtype=float) for values in tables], axis=-1))
     faults = []
     if (np.diff(x) <= 0.0).any() or (np.diff(y) <= 0.0).any() or (x == 0.0).any():
         faults.append("the schedule's nodes x and y must ascend, and no node of x may be 0.")
     if not np.isfinite(table).all():
         faults.append("the schedule holds a gain that is not finite.")
-    if s.zz != s.zp and not ((table[..., 3] > 0.0) & (table[..., 3] * s.Ts < np.pi)).all():
+    if shaped and not ((table[..., 3] > 0.0) & (table[..., 3] * s.Ts < np.pi)).all():
         faults.append(f"a notch frequency is not between 0 and the Nyquist frequency {np.pi / s.Ts:g} rad/s.")
     if s.delay_samples < 0 or s.delay_samples != int(s.delay_samples):
         faults.append(f"delay_samples = {s.delay_samples:g}: the sampled loop runs with a whole number of samples, 0 or more.")
@@ -42,14 +47,43 @@ def regulator_of(schedule: GainSchedule) -> Regulator:
         position=s.loop == "position",
         Ts=float(s.Ts),
         Tf=float(s.Tf),
+        Tm=float(s.Tm),
+        b=float(s.b),
+        c=float(s.c),
         zz=float(s.zz),
         zp=float(s.zp),
+        sections=(*(tuple(map(float, section)) for section in s.sections), *_UNUSED_SECTIONS)[:2],
+        shaped=shaped,
         tracking_rate=1.0 / float(s.Tt) if np.any(s.ki) else 0.0,
         extend_slope=used / float(s.speed_gain_extend),
         extend_offset=used * float(s.speed_offset_extend),
         retract_slope=used / float(s.speed_gain_retract),
         retract_offset=used * float(s.speed_offset_retract),
+        compensated=s.pressure_drops is not None,
+        compensation=_compensation(s.actuator, s.pressure_drops),
+        inverse_depth=s.dead_band_inverse * s.actuator.dead_band,
+        inverse_width=s.actuator.dead_band or 1.0,
         delay_samples=int(s.delay_samples),
+    )
+
+
+def _compensation(actuator: Actuator, pressure_drops: np.ndarray | None) -> Compensation:
+    (retract_a, retract_b), (extend_a, extend_b) = np.ones((2, 2)) if pressure_drops is None else pressure_drops
+    p = plant.parameters(actuator)
+    return Compensation(
+        flow_a=p.flow_coefficient_a * p.area_a,
+        flow_b=p.flow_coefficient_b * p.area_b,
+        volume_a=p.volume_a,
+        volume_b=p.volume_b,
+        area_a=p.area_a,
+        area_b=p.area_b,
+        stroke=p.stroke,
+        supply_pressure=p.supply_pressure,
+        tank_pressure=p.tank_pressure,
+        extend_drop_a=float(extend_a),
+        extend_drop_b=float(extend_b),
+        retract_drop_a=float(retract_a),
+        retract_drop_b=float(retract_b),
     )
 
 

@@ -15,8 +15,8 @@ def run(initial, reference, v_ref, load, regulator, p, substeps, out):
     h = regulator.Ts / substeps
     delay = regulator.delay_samples
     for k in range(reference.size):
-        memory = law.sample(reference[k], v_ref[k], z[2], z[3], memory, regulator)
-        out[6, k] = memory[5]
+        memory = law.sample(reference[k], v_ref[k], (z[0], z[1], z[2], z[3]), memory, regulator)
+        out[6, k] = memory.x
         x = out[6, k - delay] if k >= delay else 0.0
         z = motion.told(z, x, p)
         out[0, k], out[1, k], out[2, k], out[3, k], out[4, k], _ = z

@@ -106,7 +106,18 @@ def _regulators(method: str, loop: str, reduced: SecondOrderFamily, wanted, spec
     else:
         middle = 1.0 + 2.0 * _DAMPING
         kp, ki, kd = (middle * wanted**2 - a2) / b, wanted**3 / b, (middle * wanted - a1) / b
-    return Regulators(specification.sample_time, kp, ki, kd, reduced.natural_frequency, specification.Tf, zz, zp)
+    return Regulators(
+        specification.sample_time,
+        kp,
+        ki,
+        kd,
+        reduced.natural_frequency,
+        specification.Tf,
+        zz,
+        zp,
+        (),
+        specification.measurement_filter,
+    )
 
 
 def _scaled(regulators: Regulators, share: np.ndarray) -> Regulators:

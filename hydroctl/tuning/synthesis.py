@@ -11,8 +11,8 @@ from ..errors import InfeasibleError, InputError
 from ..frequency import SampledFamily, frequency_grid
 from ..margins import Loop, analyse, peaks
 from ..operating_point import find_operating_points
-from ..regulators import GAINS, STRUCTURES, Regulators, require_structure
-from ..schedule import GainSchedule, sampled_plants
+from ..regulators import GAINS, STRUCTURES, Regulators, require_structure, section_count
+from ..schedule import GainSchedule, design_pressure_drops, sampled_plants
 from ..specification import Specification
 from .convex import Bounds, half_of_largest, largest_gains, retreat, small_gains, tightest
 from .limits import limits_of
@@ -151,7 +151,9 @@ class Task:
         table = np.zeros((len(GAINS), *notch_frequency.shape))
         table[self.used] = gains.T.reshape(-1, *notch_frequency.shape)
         zz, zp = self.specification.notch_damping if "notch" in self.structure else (1.0, 1.0)
-        return Regulators(self.specification.sample_time, *table, notch_frequency, self.specification.Tf, zz, zp)
+        sections = self.specification.lead_lag[: section_count(self.structure)]
+        Ts, Tf, Tm = self.specification.sample_time, self.specification.Tf, self.specification.measurement_filter
+        return Regulators(Ts, *table, notch_frequency, Tf, zz, zp, sections, Tm)
 
     def terms(self, notch_frequency: np.ndarray, omega: np.ndarray) -> np.ndarray:
         """(points, variants * n, t): what each gain contributes to the loop gain at omega (variants, nx, ny, n)."""
@@ -281,8 +283,10 @@ def assemble_schedule(task: Task, nodes, regulators: Regulators) -> GainSchedule
         notch_frequency=regulators.notch_frequency,
         zz=regulators.zz,
         zp=regulators.zp,
+        sections=regulators.sections,
         Tt=_anti_windup_time(regulators.kp, regulators.ki, task.specification.sample_time),
         feed_forward=task.loop == "position",
+        pressure_drops=design_pressure_drops(task.actuator, task.x) if task.specification.pressure_compensation else None,
         **_speed_gains(task.actuator),
     )
 

@@ -248,7 +248,7 @@ def run_chunk(task: _Task, start: int, stop: int) -> np.ndarray:
 
 
 def _run_scenario(task: _Task, scenario: Scenario, drawn: np.ndarray) -> np.ndarray:
-    from ..simulation.compiled import kernels_for
+    from ..simulation.compiled import loop_for
     from ..simulation.lanes import LANES, ROWS, SUMS
 
     n = drawn.shape[1]
@@ -266,7 +266,7 @@ def _run_scenario(task: _Task, scenario: Scenario, drawn: np.ndarray) -> np.ndar
     sums = np.empty((len(SUMS), cases.shape[1]))
     room = np.zeros(ROWS * LANES), np.zeros((task.regulator.delay_samples + 1, LANES))
     signals = (scenario.reference, scenario.v_ref, load, *window)
-    kernels_for(task.actuator).lanes.run(cases, initial, *signals, task.regulator, p, task.substeps, *room, sums)
+    loop_for(task.actuator, task.regulator).lanes.run(cases, initial, *signals, task.regulator, p, task.substeps, *room, sums)
     return _metrics(task, scenario, window, dict(zip(SUMS, sums[:, :n], strict=True)))
 
 

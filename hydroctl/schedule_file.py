@@ -1,0 +1,216 @@
+"""A schedule as a schedule file, and back: which field of `GainSchedule` stands where in the document."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from . import __version__, schedule_document
+from .actuator import PARAMETERS, Actuator
+from .errors import InputError
+from .margins import MARGIN_UNITS
+from .regulators import GAINS, STRUCTURES, require_structure, section_count
+from .specification import Specification
+
+_LAW = (
+    "gains from the tables at (x of the previous sample, y); m_f = m + Tm/(Tm + Ts)*(m_f - m); e = r - m_f; g = c*r - m_f; "
+    "d = (Tf*d + g - g_previous)/(Tf + Ts); u = notch(lead_lag(kp*(b*r - m_f) + I + kd*d)) + x_ff, x_ff = 0 where v_ref = 0; "
+    "w = ratio*u; x = inverse(clip(w, limits)); I = I + Ts*(ki*e + (clip(w, limits) - w)/(ratio*Tt)), but I stays 0 where ki is 0 "
+    "in the whole table; x acts delay_samples after the measurement; m is {measured}"
+)
+_MEASURED = {"velocity": "the speed v in m/s", "position": "the position y in m"}
+_ON = {"error": "backward Euler, on the error", "measurement": "backward Euler, on the measurement"}
+
+
+def document_of(schedule) -> schedule_document.Document:
+    """The document that describes a `GainSchedule` in full."""
+    d, units = schedule_document, schedule_document.GAIN_UNITS[schedule.loop]
+
+    axes = [
+        d.Axis(name="x", signal="previous saturated x", unit="1", values=schedule.x.tolist()),
+        d.Axis(name="y", signal="measured position", unit="m", values=schedule.y.tolist()),
+    ]
+    tables = [d.Table(name=name, unit=unit, values=getattr(schedule, name).tolist()) for name, unit in units.items()]
+    feed_forward = d.FeedForward(
+        enabled=schedule.feed_forward,
+        gain_extend=d.Speed(value=schedule.speed_gain_extend, unit="m/s"),
+        gain_retract=d.Speed(value=schedule.speed_gain_retract, unit="m/s"),
+        offset_extend=float(schedule.speed_offset_extend),
+        offset_retract=float(schedule.speed_offset_retract),
+    )
+    actuator, specification = schedule.actuator, schedule.specification
+    given = {name: value for name, value in actuator.parameters().items() if value is not None}
+    parameters = {name: d.Quantity(value=value, unit=PARAMETERS[name].metadata["unit"]) for name, value in given.items()}
+    machine = d.Machine(
+        name=actuator.name,
+        source=actuator.source,
+        note=actuator.note,
+        fingerprint=actuator.fingerprint(),
+        parameters=parameters,
+    )
+    uncertainty = specification.uncertainty
+    design = d.Design(
+        x=schedule.design_x.tolist(),
+        y=schedule.design_y.tolist(),
+        Ms=float(specification.Ms),
+        Mt=float(specification.Mt),
+        gain_margin=specification.gain_margin,
+        phase_margin=_optional(d.Angle, specification.phase_margin, "rad"),
+        min_crossover=_optional(d.Frequency, specification.min_crossover, "rad/s"),
+        high_frequency_gain=_optional(d.Gain, specification.high_frequency_gain, units["kp"]),
+        uncertainty=uncertainty if isinstance(uncertainty, str) else dict(uncertainty),
+        achieved=d.Margins(**{name: _achieved(schedule.margins.worst(name), unit) for name, unit in MARGIN_UNITS.items()}),
+    )
+    return d.Document(
+        schema=d.SCHEMA,
+        version=d.VERSION,
+        generator=f"hydroctl {__version__}",
+        loop=schedule.loop,
+        structure=schedule.structure,
+        controller=_controller(schedule),
+        scheduling=d.Scheduling(
+            interpolation="bilinear",
+            extrapolation="clipped",
+            order="row-major",
+            sides="x >= 0 uses the nodes x > 0, x < 0 the nodes x < 0",
+            axes=axes,
+            tables=tables,
+        ),
+        feed_forward=feed_forward,
+        actuator=machine,
+        design=design,
+    )
+
+
+_OPTIONAL_LIMITS = ("phase_margin", "high_frequency_gain", "min_crossover")
+
+
+def _optional(kind, value: float | None, unit: str):
+    return None if value is None else kind(value=value, unit=unit)
+
+
+def _controller(schedule) -> schedule_document.Controller:
+    d = schedule_document
+    return d.Controller(
+        form="parallel",
+        law=_LAW.format(measured=_MEASURED[schedule.loop]),
+        sample_time=d.Time(value=schedule.Ts, unit="s"),
+        delay_samples=float(schedule.delay_samples),
+        integral="forward Euler, stored in units of x",
+        derivative=_ON[schedule.specification.derivative_on],
+        derivative_filter_time=d.Time(value=schedule.Tf, unit="s"),
+        measurement_filter_time=d.Duration(value=float(schedule.Tm), unit="s"),
+        lead_lag=[d.Section(zero=float(zero), pole=float(pole)) for zero, pole in schedule.sections],
+        notch="Tustin prewarped at notch_frequency",
+        notch_zero_damping=float(schedule.zz),
+        notch_pole_damping=float(schedule.zp),
+        set_point_weight=float(schedule.b),
+        limits=(-1, 1),
+        anti_windup="back-calculation from the saturated x, after the notch",
+        anti_windup_time=d.Time(value=schedule.Tt, unit="s"),
+        pressure_compensation=_compensation(schedule),
+        dead_band_inverse=float(schedule.dead_band_inverse),
+        start="m_f = m, g_previous = (c - 1)*m, all other states 0",
+        fallback="where an input is not finite, x = 0, and the next sound sample is a start",
+    )
+
+
+def _compensation(schedule) -> schedule_document.PressureCompensation | None:
+    if schedule.pressure_drops is None:
+        return None
+    (retract_a, retract_b), (extend_a, extend_b) = (
+        [schedule_document.Pressure(value=float(drop), unit="Pa") for drop in row] for row in schedule.pressure_drops
+    )
+    return schedule_document.PressureCompensation(
+        ratio="q_ref/q, q = g_a*sqrt(drop_a)/V_a(y) + g_b*sqrt(drop_b)/V_b(y) over the open edges, g = area*flow coefficient",
+        limits=(0.4, 3.0),
+        drop_a_retract=retract_a,
+        drop_b_retract=retract_b,
+        drop_a_extend=extend_a,
+        drop_b_extend=extend_b,
+    )
+
+
+def _achieved(worst, unit: str) -> schedule_document.Achieved:
+    value = worst.value if np.isfinite(worst.value) else None
+    return schedule_document.Achieved(value=value, unit=unit, variant=worst.variant, x=worst.x, y=worst.y)
+
+
+def fields_of(document: schedule_document.Document) -> dict:
+    """The fields of the `GainSchedule` that `document` describes. Raises InputError where its parts contradict each other."""
+    controller, design, forward = document.controller, document.design, document.feed_forward
+    _require_consistent(document)
+    x, y = (np.array(axis.values) for axis in document.scheduling.axes)
+    return {
+        "actuator": _actuator(document.actuator),
+        "specification": _specification(document),
+        "loop": document.loop,
+        "structure": document.structure,
+        "x": x,
+        "y": y,
+        "design_x": np.array(design.x),
+        "design_y": np.array(design.y),
+        **{table.name: np.array(table.values) for table in document.scheduling.tables},
+        "zz": controller.notch_zero_damping,
+        "zp": controller.notch_pole_damping,
+        "sections": tuple((section.zero, section.pole) for section in controller.lead_lag),
+        "Tt": controller.anti_windup_time.value,
+        "feed_forward": forward.enabled,
+        "speed_gain_extend": forward.gain_extend.value,
+        "speed_gain_retract": forward.gain_retract.value,
+        "speed_offset_extend": forward.offset_extend,
+        "speed_offset_retract": forward.offset_retract,
+        "pressure_drops": _pressure_drops(controller.pressure_compensation),
+    }
+
+
+def _require_consistent(document: schedule_document.Document) -> None:
+    structure = document.structure
+    require_structure(structure)
+    faults = [
+        f"table {table.name} is not zero, but structure {structure!r} has no {table.name}."
+        for table in document.scheduling.tables
+        if table.name in GAINS and table.name not in STRUCTURES[structure] and np.any(table.values)
+    ]
+    if (given := len(document.controller.lead_lag)) != (needed := section_count(structure)):
+        faults.append(f"controller.lead_lag has {given} sections; structure {structure!r} has {needed}.")
+    if faults:
+        raise InputError(faults)
+
+
+def _actuator(machine: schedule_document.Machine) -> Actuator:
+    parameters = {name: quantity.value for name, quantity in machine.parameters.items()}
+    actuator = Actuator(name=machine.name, source=machine.source, note=machine.note, **parameters)
+    if lacking := [name for name, value in actuator.parameters().items() if value is not None and name not in parameters]:
+        raise InputError(f"actuator.parameters lacks {', '.join(lacking)}.")
+    if actuator.fingerprint() != machine.fingerprint:
+        raise InputError("actuator.fingerprint does not belong to actuator.parameters; the file was changed after it was written.")
+    return actuator
+
+
+def _specification(document: schedule_document.Document) -> Specification:
+    controller, design = document.controller, document.design
+    sections = tuple((section.zero, section.pole) for section in controller.lead_lag)
+    return Specification(
+        sample_time=controller.sample_time.value,
+        delay_samples=controller.delay_samples,
+        Ms=design.Ms,
+        Mt=design.Mt,
+        gain_margin=design.gain_margin,
+        **{name: None if (limit := getattr(design, name)) is None else limit.value for name in _OPTIONAL_LIMITS},
+        uncertainty=design.uncertainty,
+        Tf=controller.derivative_filter_time.value,
+        notch_damping=(controller.notch_zero_damping, controller.notch_pole_damping) if "notch" in document.structure else None,
+        lead_lag=sections + Specification.lead_lag[len(sections) :],
+        measurement_filter=controller.measurement_filter_time.value,
+        derivative_on=next(on for on, text in _ON.items() if text == controller.derivative),
+        set_point_weight=controller.set_point_weight,
+        pressure_compensation=controller.pressure_compensation is not None,
+        dead_band_inverse=controller.dead_band_inverse,
+    )
+
+
+def _pressure_drops(given: schedule_document.PressureCompensation | None) -> np.ndarray | None:
+    if given is None:
+        return None
+    names = (("drop_a_retract", "drop_b_retract"), ("drop_a_extend", "drop_b_extend"))
+    return np.array([[getattr(given, name).value for name in row] for row in names])
