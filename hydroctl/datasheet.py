@@ -40,6 +40,7 @@ class _Way(NamedTuple):
 
     @property
     def makers(self) -> tuple[str, ...]:
+        """The keys of the maker's way."""
         return (*self.both, *self.one_of, *self.extra)
 
 

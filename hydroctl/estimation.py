@@ -54,6 +54,7 @@ class Regression:
 
     @property
     def h(self) -> np.ndarray:
+        """(n - 1,): the length of each step in s."""
         return np.full(len(self.record.t) - 1, self.record.sample_time)
 
     @property
@@ -68,6 +69,7 @@ class Regression:
 
     @property
     def names(self) -> tuple[str, ...]:
+        """What each entry of theta multiplies: side, coefficient and term."""
         labels = {name: _labels(self.basis, name) for name in COEFFICIENTS}
         return tuple(f"{side} {name} {label}" for name in COEFFICIENTS for side in self.sides for label in labels[name])
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 
@@ -127,7 +128,7 @@ def to_series(form: Form) -> SeriesForm:
 
 def _time_faults(form: StandardForm | SeriesForm) -> list[str]:
     faults = [] if _finite(form, "K") and form.K != 0.0 else [f"K = {form.K!r} must be a finite number other than 0."]
-    if not form.Ti > 0.0:
+    if not (isinstance(form.Ti, Real) and form.Ti > 0.0):
         faults.append(f"Ti = {form.Ti!r} must be above 0 s; math.inf leaves the integral out.")
     if not (_finite(form, "Td") and form.Td >= 0.0):
         faults.append(f"Td = {form.Td!r} must be a finite time of at least 0 s.")
@@ -139,7 +140,8 @@ def _filter_faults(form: Form) -> list[str]:
 
 
 def _finite(form: Form, name: str) -> bool:
-    return math.isfinite(getattr(form, name))
+    value = getattr(form, name)
+    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def _raise(faults: list[str]) -> None:

@@ -64,8 +64,9 @@ class Identification:
     iterations: int
 
     def standard_deviation(self, x: float, y: float = 0.0) -> tuple[float, float, float]:
-        """Of a1, a2 and b at one point, by the covariance."""
+        """Of a1, a2 and b at one point, by the covariance. Raises InputError for a sign of x that the record did not show."""
         side = "-" if x < 0.0 else "+"
+        self.model.coefficients(side)
         variances = []
         for name in COEFFICIENTS[:3]:
             rows = [k for k, label in enumerate(self.names) if label.split()[:2] == [side, name]]

@@ -91,7 +91,8 @@ class LinearFamily:
         """(..., n) complex: v/x at the n frequencies omega (rad/s)."""
         s = 1j * np.asarray(omega, dtype=float)
         (n1, n0), (_, d2, d1, d0) = (np.moveaxis(c, -1, 0)[..., None] for c in (self.numerator, self.denominator))
-        return (n1 * s + n0) / (((s + d2) * s + d1) * s + d0)
+        with np.errstate(invalid="ignore"):  # flagged points are NaN
+            return (n1 * s + n0) / (((s + d2) * s + d1) * s + d0)
 
     def __getitem__(self, index) -> LinearModel:
         """One member as a `LinearModel`; `index` must select a single point. A flagged point raises OperatingPointError."""

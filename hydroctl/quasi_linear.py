@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from numbers import Real
 
 import numpy as np
 
@@ -140,9 +141,11 @@ class QuasiLinearModel:
 
         Within the gap around x = 0 that the fit leaves out, the coefficients are those of its border. Each step is exact for
         coefficients taken at its mid position; y follows from repeated sweeps over the whole record.
-        Raises InputError for a record that is not usable, or where the position leaves the region of the fit.
+        Raises InputError for a record that is not usable, an opening of a sign that the model lacks, or where the position
+        leaves the region of the fit.
         """
         t, x = _record(t, x)
+        self._require_start(x, y0, v0)
         repeat = self._substeps(t, x)
         h = np.repeat(np.diff(t) / repeat, repeat)
         opening = np.repeat(x[:-1], repeat)
@@ -162,6 +165,18 @@ class QuasiLinearModel:
         self._require_inside(held, (y[:-1] + y[1:]) / 2.0)
         ends = np.concatenate([[0], np.cumsum(repeat)])
         return Response(t, x, y[ends], v[ends])
+
+    def _require_start(self, x: np.ndarray, y0, v0) -> None:
+        faults = [
+            f"x holds openings of side {side!r}, which this model lacks (it has {' and '.join(map(repr, self.surfaces))})."
+            for side, used in (("-", (x[:-1] < 0.0).any()), ("+", (x[:-1] >= 0.0).any()))
+            if used and side not in self.surfaces
+        ]
+        for name, value, unit in (("y0", y0, "m"), ("v0", v0, "m/s")):
+            if not (isinstance(value, Real) and np.isfinite(value)):
+                faults.append(f"{name} = {value!r} must be a finite number in {unit}.")
+        if faults:
+            raise InputError(faults)
 
     def _substeps(self, t: np.ndarray, x: np.ndarray) -> np.ndarray:
         """(n - 1,): into how many steps each interval is cut, so that none is long against the natural frequency."""

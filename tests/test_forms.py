@@ -105,3 +105,9 @@ def test_all_faults_are_told_at_once():
     with pytest.raises(hc.InputError) as caught:
         ParallelForm(math.nan, math.inf, 1.0, -1.0)
     assert [fault.split(" = ")[0] for fault in caught.value.faults] == ["kp", "ki", "Tf"]
+
+
+def test_values_that_are_no_numbers_are_told_by_name():
+    with pytest.raises(hc.InputError) as caught:
+        hc.StandardForm("2", Ti="3", Td=None, Tf=True)
+    assert [fault.split(" = ")[0] for fault in caught.value.faults] == ["K", "Ti", "Td", "Tf"]

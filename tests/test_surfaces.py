@@ -1,5 +1,7 @@
 """Coefficient surfaces: how well they fit, where they may be used, and what the quasi-linear model does with them."""
 
+import math
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -221,6 +223,16 @@ def test_simulation_refuses_to_leave_the_region_and_unusable_records(reference):
         model.simulate(t[::-1], np.ones(11), 0.1)
     with pytest.raises(hc.InputError, match="one length"):
         model.simulate(t, np.ones(10), 0.1)
+
+
+def test_simulation_names_a_missing_side_and_a_start_that_is_no_number(reference):
+    x = np.geomspace(0.1, 1.0, 5)[:, None]
+    points = hc.find_operating_points(reference, x, np.linspace(0.0, reference.stroke, 5))
+    model = hc.fit_surfaces(hc.reduce_order(hc.linearize(reference, points)))
+    with pytest.raises(hc.InputError) as caught:
+        model.simulate([0.0, 0.1, 0.2], [0.2, -0.2, 0.0], math.nan, v0="fast")
+    assert [fault.split()[0] for fault in caught.value.faults] == ["x", "y0", "v0"]
+    assert "side '-'" in caught.value.faults[0]
 
 
 def test_secant_and_tangent_models_rest_at_the_same_speeds(reference):
