@@ -2,9 +2,10 @@
 
     x[k] --> delay --> zero-order hold --> valve --> v/x(s) [--> 1/s] --> sampler --> m[k]
 
-The valve is ideal unless the actuator states its lag, w^2/(s^2 + 2 zeta w s + w^2). The hold is exact (matrix exponential),
-fractions of a sample of delay included. The frequency response is a sum of partial fractions of the sampled model, so that
-thousands of models cost a few array operations. With delay = k + f samples, 0 <= f < 1,
+The valve is ideal unless the actuator states its lag, w^2/(s^2 + 2 zeta w s + w^2). The hold is exact, fractions of a sample of
+delay included: from the eigenvectors of the model, or by scipy's matrix exponential where they are nearly parallel. The frequency
+response is a sum of partial fractions of the sampled model, so that thousands of models cost a few array operations. With
+delay = k + f samples, 0 <= f < 1,
 
     G(z) = z^-k  sum_i (r_i + q_i / z) / (z - lambda_i),    z = exp(j omega Ts),    q_i = 0 where f = 0
 """
@@ -23,7 +24,8 @@ from .linearization import LinearFamily
 _ARRAYS = ("transition", "entry", "eigenvalues", "residues", "resonance")
 LOOPS = ("velocity", "position")
 _PRESSURE_SCALE = 1e6
-_WORST_CONDITION = 1e9
+_WORST_CONDITION = 1e6
+"""of eigenvectors that are used"""
 _LOWEST_FREQUENCY = 1e-4
 """of the Nyquist frequency"""
 
@@ -110,26 +112,46 @@ def sample(family: LinearFamily, *, loop: str, sample_time: float, delay_samples
 
     Every point of the family must be feasible; otherwise InputError names the first that is not.
     """
-    from scipy.linalg import expm
-
     if loop not in LOOPS:
         raise InputError(unknown_name("loop", loop, LOOPS))
     if not family.points.feasible.all():
         raise InputError(str(family.points.reason[~family.points.feasible][0]))
     A, B, output = _continuous(family, loop)
-    n = output.size
-    augmented = np.zeros((*family.shape, n + 1, n + 1))
-    augmented[..., :n, :n], augmented[..., :n, n:] = A * sample_time, B * sample_time
     whole = math.floor(delay_samples)
-    exact = expm(augmented)
-    transition, total = exact[..., :n, :n], exact[..., :n, n]
-    newest = expm(augmented * (1.0 - (delay_samples - whole)))[..., :n, n] if delay_samples > whole else total
-    entry = np.stack([newest, total - newest], axis=-1)
-    eigenvalues, vectors = np.linalg.eig(transition)
+    times = sample_time, sample_time * (1.0 - (delay_samples - whole))
+    rates, vectors = np.linalg.eig(A)
     vectors = vectors / np.linalg.norm(vectors, axis=-2, keepdims=True)
-    residues = (output @ vectors)[..., None] * np.linalg.solve(vectors, entry.astype(complex))
-    residues[np.linalg.cond(vectors) > _WORST_CONDITION] = np.nan
-    return SampledFamily(sample_time, whole, transition, entry, output, eigenvalues, residues, np.stack(resonance(family), axis=-1))
+    parallel = ~(np.linalg.cond(vectors) <= _WORST_CONDITION)
+    vectors[parallel] = np.eye(output.size)
+    inverse = np.linalg.inv(vectors)
+    modal = [_growth(rates, t) * (inverse @ B)[..., 0] for t in times]
+    transition = ((vectors * np.exp(rates * sample_time)[..., None, :]) @ inverse).real
+    total, newest = ((vectors @ weight[..., None])[..., 0].real for weight in modal)
+    if parallel.any():
+        transition[parallel], total[parallel] = _held(A[parallel], B[parallel], times[0])
+        newest[parallel] = _held(A[parallel], B[parallel], times[1])[1]
+    residues = (output @ vectors)[..., None] * np.stack([modal[1], modal[0] - modal[1]], axis=-1)
+    residues[parallel] = np.nan
+    entry = np.stack([newest, total - newest], axis=-1)
+    resonances = np.stack(resonance(family), axis=-1)
+    return SampledFamily(sample_time, whole, transition, entry, output, np.exp(rates * sample_time), residues, resonances)
+
+
+def _growth(rates, t: float):
+    """(e^{rate t} - 1)/rate, t where the rate is 0."""
+    zero = rates == 0.0
+    return np.where(zero, t, np.expm1(rates * t) / np.where(zero, 1.0, rates))
+
+
+def _held(A, B, t: float):
+    """(e^{A t}, the response from rest to x = 1 for t), for models whose eigenvectors are of no use."""
+    from scipy.linalg import expm
+
+    n = A.shape[-1]
+    augmented = np.zeros((len(A), n + 1, n + 1))
+    augmented[:, :n, :n], augmented[:, :n, n:] = A * t, B * t
+    exact = expm(augmented)
+    return exact[:, :n, :n], exact[:, :n, n]
 
 
 def _continuous(family: LinearFamily, loop: str):

@@ -16,6 +16,8 @@ from .regulators import Regulators, series
 
 MARGIN_UNITS = {"Ms": "1", "Mt": "1", "gain_margin": "1", "phase_margin": "rad", "delay_margin": "s", "crossover": "rad/s"}
 """the margins that reports and files state"""
+_PEAK_WIDTH = 1e-5
+"""relative frequency to which a peak is found; its height is then known to about the square"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,11 +123,14 @@ def analyse(loop, omega=None) -> Margins:
     return Margins(**shaped, gain_crossings=gains, phase_crossings=phases)
 
 
-def peaks(loop, functions):
-    """(values, omega), each (..., f): the largest value over frequency of each of f functions of L, and where in rad/s."""
-    flat, omega = _flat(loop, None)
+def peaks(loop, functions, *, omega=None, floor: float = -np.inf):
+    """(values, omega), each (..., f): the largest value over frequency of each of f functions of L, and where in rad/s.
+
+    `omega` as in `analyse`. A peak whose value on that grid is below `floor` is taken from the grid.
+    """
+    flat, omega = _flat(loop, omega)
     L = flat.frequency_response(omega)
-    found = zip(*(_peak(flat, omega, L, function) for function in functions), strict=True)
+    found = zip(*(_peak(flat, omega, L, function, floor) for function in functions), strict=True)
     return tuple(np.stack(parts, axis=-1).reshape(*loop.shape, -1) for parts in found)
 
 
@@ -167,7 +172,7 @@ def _crossings(loop, omega, L, function) -> Crossings:
     return Crossings(row, found.x, at(found.x, row))
 
 
-def _peak(loop, omega, L, function):
+def _peak(loop, omega, L, function, floor=-np.inf):
     """(maximum of function(L) over frequency, where), refined between the grid points next to the largest value."""
     from scipy.optimize import elementwise
 
@@ -175,14 +180,17 @@ def _peak(loop, omega, L, function):
     top = np.argmax(values, axis=-1)
     every = np.arange(len(top))
     peak, where = values[every, top], omega[every, top]
-    row = np.nonzero((top > 0) & (top < omega.shape[-1] - 1))[0]
+    row = np.nonzero((where > omega[:, 0]) & (where < omega[:, -1]) & (peak > floor))[0]
     if row.size:
-        bracket = tuple(omega[row, top[row] + step] for step in (-1, 0, 1))
+        some, grid, centre = loop.take(row), omega[row], where[row]
+        below = np.where(grid < centre[:, None], grid, -np.inf).max(axis=1)
+        above = np.where(grid > centre[:, None], grid, np.inf).min(axis=1)
 
         def negative(w, index):
-            return -function(loop.take(index.astype(int)).frequency_response(w[:, None])[:, 0])
+            return -function(some.take(index.astype(int)).frequency_response(w[:, None])[:, 0])
 
-        found = elementwise.find_minimum(negative, bracket, args=(row.astype(float),), tolerances={"xrtol": 1e-7})
+        local = np.arange(row.size, dtype=float)
+        found = elementwise.find_minimum(negative, (below, centre, above), args=(local,), tolerances={"xrtol": _PEAK_WIDTH})
         better = -found.f_x > peak[row]
         peak[row[better]], where[row[better]] = -found.f_x[better], found.x[better]
     return peak, where

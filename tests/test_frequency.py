@@ -72,6 +72,20 @@ def test_models_with_parallel_eigenvectors_are_solved_directly(family):
     np.testing.assert_allclose(without.frequency_response(OMEGA), plant.frequency_response(OMEGA), rtol=1e-9)
 
 
+@pytest.mark.parametrize("delay", [1, 0.4])
+@pytest.mark.parametrize("loop", ["velocity", "position"])
+def test_the_hold_is_the_same_by_eigenvectors_and_by_the_matrix_exponential(family, monkeypatch, loop, delay):
+    by_vectors = sample(family, loop=loop, sample_time=TS, delay_samples=delay)
+    monkeypatch.setattr("hydroctl.frequency._WORST_CONDITION", 0.0)
+    by_exponential = sample(family, loop=loop, sample_time=TS, delay_samples=delay)
+    assert np.isnan(by_exponential.residues).all()
+    for name in ("transition", "entry"):
+        size = np.abs(getattr(by_exponential, name)).max(axis=(0, 1))
+        difference = np.abs(getattr(by_vectors, name) - getattr(by_exponential, name)).max(axis=(0, 1))
+        assert np.all(difference <= 1e-12 * size)
+    np.testing.assert_allclose(by_vectors.frequency_response(OMEGA), by_exponential.frequency_response(OMEGA), rtol=1e-9)
+
+
 def test_take_selects_members_by_flat_index(family):
     plant = sample(family, loop="velocity", sample_time=TS, delay_samples=1)
     np.testing.assert_array_equal(plant.take([7]).frequency_response(OMEGA)[0], plant.frequency_response(OMEGA)[2, 1])

@@ -9,7 +9,7 @@ from scipy import sparse
 import hydroctl as hc
 from hydroctl.margins import Loop, analyse
 from hydroctl.schedule import check_margins, sampled_plants
-from hydroctl.tuning.convex import Bounds, largest_gains, small_gains
+from hydroctl.tuning.convex import Bounds, Demands, largest_gains, small_gains
 from hydroctl.tuning.limits import Disc, circles
 from hydroctl.tuning.nodes import choose_nodes, mixing_matrix
 
@@ -93,9 +93,10 @@ def test_a_pure_delay_under_integral_action_reaches_the_gain_found_by_hand():
     for _ in range(60):
         k = (low + high) / 2
         low, high = (k, high) if np.abs(1 + k * phi).min() >= 1 / 1.6 else (low, k)
-    limits, free = [Disc(-1.0, 1 / 1.6)], Bounds(np.zeros((1, 0, 1)), np.zeros((1, 0)))
-    small = small_gains(phi, limits, free, first=0)
-    found = largest_gains(phi, sparse.eye_array(1, format="csr"), small, 0, np.ones(1), limits, free)
+    free = Bounds(np.zeros((1, 0, 1)), np.zeros((1, 0)))
+    demands = Demands(phi, (Disc(-1.0, 1 / 1.6),), np.ones((1, 1, omega.size), dtype=bool), free)
+    small = small_gains(demands, first=0)
+    found = largest_gains(demands, sparse.eye_array(1, format="csr"), small, 0, np.ones(1))
     assert found[0, 0] == pytest.approx(low, rel=1e-3)
 
 
@@ -133,10 +134,25 @@ def test_zero_is_no_node(reference):
         hc.tune(reference, [-0.5, 0.0, 0.5], [0.1])
 
 
-@pytest.mark.parametrize("y", [[0.3, 0.1], [0.1, 0.1], [0.1, float("nan")], [[0.1, 0.2]]])
-def test_nodes_must_be_one_ascending_row(reference, y):
+@pytest.mark.parametrize("y", [[0.3, 0.1], [0.1, 0.1], [0.1, float("nan")], [[0.1, 0.2]], [], "middle", [[0.1], 0.2], None, [1j]])
+@pytest.mark.parametrize("verb", [hc.tune, hc.tune_fixed, hc.tune_fast])
+def test_nodes_must_be_one_ascending_row(reference, verb, y):
     with pytest.raises(hc.InputError, match="y nodes"):
-        hc.tune(reference, [0.1], y)
+        verb(reference, [0.1], y)
+
+
+def test_all_faults_of_the_nodes_are_told_at_once(reference):
+    with pytest.raises(hc.InputError) as caught:
+        hc.tune(reference, "all", [], structure="pie")
+    assert len(caught.value.faults) == 3
+
+
+@pytest.mark.parametrize("verb", [hc.tune, hc.tune_fixed])
+def test_a_notch_beyond_the_nyquist_frequency_is_refused(reference, verb):
+    slow = hc.Specification(sample_time=8e-3, Tf=4e-3)
+    with pytest.raises(hc.InputError, match=r"sample_time = 0.008 s: a notch or lead at 5\d\d.* rad/s"):
+        verb(reference, [0.1], [0.2], structure="pi+notch", specification=slow)
+    assert verb(reference, [0.1], [0.2], structure="pi", specification=slow).margins.unstable == 0
 
 
 def test_a_node_outside_the_stroke_is_refused_with_its_reason(reference):

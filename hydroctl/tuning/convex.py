@@ -9,11 +9,13 @@ a small stable gain: the loop stays stable, which the poles of the sampled close
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..errors import InfeasibleError
 from .limits import Limit
 
 if TYPE_CHECKING:
@@ -23,12 +25,12 @@ _ITERATIONS = 30
 _CONVERGED = 1e-4
 _FIRST_GAIN = 0.05
 _HALVINGS = 40
-_CEILING = 1e3
-_SHALLOW = 0.005
-"""so little inside a set, L need not retreat"""
+_CEILING = 1e4
+"""a contribution to L, at the median frequency, that no gain of a good loop makes"""
 _RETREATS = (0.99, 0.97, 0.9, 0.7, 0.3)
 _ROW_TOLERANCE = 1e-7
-_SLACK = 0.1
+_NEARLY, _SLACK = 0.003, 0.1
+"""so near to binding, a row or a local maximum over the rows is likely to bind at the next solution"""
 _KEPT_ROWS = 100
 """for each limit"""
 
@@ -49,12 +51,47 @@ class Bounds:
         return ((self.rows @ gains[:, :, None])[:, :, 0] > self.most).any(axis=1)
 
 
-def small_gains(phi: np.ndarray, limits: list[Limit], bounds: Bounds, *, first: int) -> np.ndarray:
-    """(M, t): a small gain on term `first` alone with which L is outside all sets and within `bounds`; NaN where none is."""
-    gains = np.zeros((phi.shape[0], phi.shape[2]))
-    gains[:, first] = _FIRST_GAIN / np.abs(phi[:, :, first]).max(axis=1)
+@dataclass(frozen=True, eq=False)
+class Demands:
+    """What L = phi @ g must keep at M points: out of each limit's set, at the rows where it is imposed, and g within `bounds`."""
+
+    phi: np.ndarray
+    """(M, rows, t) complex: the contribution of each gain to the loop gain at each frequency of each model"""
+    limits: tuple[Limit, ...]
+    imposed: np.ndarray
+    """(limits, M, rows) bool"""
+    bounds: Bounds
+
+    def only(self, term: int) -> Demands:
+        """The demands on `term` where the other gains are 0."""
+        return Demands(self.phi[:, :, [term]], self.limits, self.imposed, self.bounds.only(term))
+
+    def intrusions(self, gains: np.ndarray) -> np.ndarray:
+        """(limits, M, rows): how far L with `gains` (M, t) lies inside each set; -inf where it is not imposed."""
+        L = self.loop_gain(gains)
+        return np.stack([np.where(on, limit.intrusion(L), -np.inf) for limit, on in zip(self.limits, self.imposed, strict=True)])
+
+    def loop_gain(self, gains: np.ndarray) -> np.ndarray:
+        """(M, rows) complex L with `gains` (M, t)."""
+        return (self.phi @ gains[:, :, None])[:, :, 0]
+
+    def tightest(self, gains: np.ndarray) -> Demands:
+        """The demands at those rows of each point whose L comes nearest to a set with `gains` (M, t)."""
+        count = _KEPT_ROWS * len(self.limits)
+        if self.phi.shape[1] <= count:
+            return self
+        kept = np.argpartition(-self.intrusions(gains).max(axis=0), count, axis=1)[:, :count]
+        kept.sort(axis=1)
+        imposed = np.take_along_axis(self.imposed, kept[None], axis=2)
+        return Demands(np.take_along_axis(self.phi, kept[:, :, None], axis=1), self.limits, imposed, self.bounds)
+
+
+def small_gains(demands: Demands, *, first: int) -> np.ndarray:
+    """(M, t): a small gain on term `first` alone with which L keeps every demand; NaN where none does."""
+    gains = np.zeros((demands.phi.shape[0], demands.phi.shape[2]))
+    gains[:, first] = _FIRST_GAIN / np.abs(demands.phi[:, :, first]).max(axis=1)
     for _ in range(_HALVINGS):
-        refused = (_intrusion(phi, gains, limits) > 0.0) | bounds.exceeded(gains)
+        refused = (demands.intrusions(gains).max(axis=(0, 2)) > 0.0) | demands.bounds.exceeded(gains)
         if not refused.any():
             return gains
         gains[refused] /= 2.0
@@ -62,133 +99,130 @@ def small_gains(phi: np.ndarray, limits: list[Limit], bounds: Bounds, *, first: 
     return gains
 
 
-def half_of_largest(phi, mix, small: np.ndarray, term: int, worth: np.ndarray, limits: list[Limit], bounds: Bounds) -> np.ndarray:
+def half_of_largest(demands: Demands, mix, small: np.ndarray, term: int, worth: np.ndarray) -> np.ndarray:
     """(N, t): half the largest gain that `term` may have alone, found from `small` (N, t); the other gains are 0.
 
     In an integrating loop the crossover then lies inside the grid, so that low frequencies are outside the unit circle.
     """
     gains = np.zeros_like(small)
-    gains[:, [term]] = largest_gains(phi[:, :, [term]], mix, small[:, [term]], 0, worth, limits, bounds.only(term)) / 2.0
+    gains[:, [term]] = largest_gains(demands.only(term), mix, small[:, [term]], 0, worth) / 2.0
     return gains
 
 
-def retreat(phi: np.ndarray, mix, gains: np.ndarray, safe: np.ndarray, limits: list[Limit]) -> np.ndarray:
-    """(N, t): `gains`, drawn towards `safe` (N, t) at the nodes that put L clearly inside a set, as far as it takes to leave.
+def retreat(demands: Demands, mix, gains: np.ndarray, find_safe: Callable[[], np.ndarray]) -> np.ndarray:
+    """(N, t): `gains`, drawn towards `find_safe()` (N, t), then 0, at the nodes that put L clearly inside a set, until it is out.
 
     From inside, the half-planes need not allow any gains at all.
     """
-    gains = gains.copy()
-    for share in (*_RETREATS, *np.zeros(len(gains))):
-        nodes = mix.T @ (_intrusion(phi, mix @ gains, limits) > _SHALLOW) > 0.0
+
+    def inside(gains):
+        depth = demands.intrusions(mix @ gains).max(axis=2)
+        return mix.T @ (depth > [[limit.shallow] for limit in demands.limits]).any(axis=0) > 0.0
+
+    nodes, start = inside(gains), gains
+    if not nodes.any():
+        return gains
+    safe, gains = find_safe(), gains.copy()
+    for nearer in (*(safe + share * (start - safe) for share in _RETREATS), *(0.5**k * safe for k in range(_HALVINGS))):
+        gains[nodes] = nearer[nodes]
+        nodes = inside(gains)
         if not nodes.any():
             break
-        gains[nodes] = safe[nodes] + share * (gains[nodes] - safe[nodes])
     return gains
 
 
-def largest_gains(
-    phi: np.ndarray, mix, start: np.ndarray, objective: int, worth: np.ndarray, limits: list[Limit], bounds: Bounds
-) -> np.ndarray:
-    """Gains g >= 0 (N, t) that maximize worth @ (mix @ g)[:, objective] with L = phi @ (mix @ g) outside all sets and mix @ g
-    within `bounds`.
+def largest_gains(demands: Demands, mix, start: np.ndarray, objective: int, worth: np.ndarray) -> np.ndarray:
+    """Gains g >= 0 (N, t) that maximize worth @ (mix @ g)[:, objective] while mix @ g keeps the demands; from `start` (N, t).
 
-    `phi` (M, rows, t) complex: the contribution of each gain to the loop gain at each frequency of each model, at M points;
     `mix` (M, N) sparse: how the gains at the points follow from those at the nodes (the identity where each point is a node, a
-    column of ones for one fixed regulator); `start` (N, t).
+    column of ones for one fixed regulator). Raises InfeasibleError where the linear program cannot be solved.
     """
-    gains = start
-    column = (mix.T @ np.median(np.abs(phi), axis=1)) / (mix.T @ np.ones((len(phi), 1)))
+    gains, size = start, np.abs(demands.phi)
+    column = (mix.T @ np.median(size, axis=1)) / (mix.T @ np.ones((len(size), 1)))
     local = mix @ column
-    scaled_bounds = Bounds(bounds.rows / local[:, None, :], bounds.most)
-    ceiling = _CEILING * np.min(mix.T @ (np.abs(phi).max(axis=1) / np.abs(phi).min(axis=1)), axis=0) * np.ones_like(gains)
-    working = np.zeros((len(phi), len(limits) * phi.shape[1] + bounds.most.shape[1]), dtype=bool)
     for _ in range(_ITERATIONS):
         present = mix @ gains
-        rows, most = _half_planes(phi / local[:, None, :], _loop_gain(phi, present), limits, scaled_bounds)
-        program = _Program(rows * local[:, None, :], most, mix, column, ceiling)
-        gains, working = program.solve(mix.T @ worth, objective, working)
+        rows, most = _half_planes(demands, local, present)
+        gains = _Program(rows, most, mix, column).solve(mix.T @ worth, objective, present)
         before, after = present[:, objective], (mix @ gains)[:, objective]
         if np.all(np.abs(after - before) <= _CONVERGED * after):
             break
     return gains
 
 
-def tightest(phi: np.ndarray, gains: np.ndarray, limits: list[Limit]) -> np.ndarray:
-    """(M, kept, t): of each point's rows those whose L comes nearest to a set with `gains` (M, t)."""
-    count = _KEPT_ROWS * len(limits)
-    if phi.shape[1] <= count:
-        return phi
-    L = _loop_gain(phi, gains)
-    distance = -np.max([limit.intrusion(L) for limit in limits], axis=0)
-    kept = np.argpartition(distance, count, axis=1)[:, :count]
-    return np.take_along_axis(phi, np.sort(kept, axis=1)[:, :, None], axis=1)
-
-
-def _loop_gain(phi, gains):
-    return (phi @ gains[:, :, None])[:, :, 0]
-
-
-def _intrusion(phi, gains, limits) -> np.ndarray:
-    """(M,): how far L goes into a set, at the worst frequency of any model."""
-    L = _loop_gain(phi, gains)
-    return np.max([limit.intrusion(L).max(axis=1) for limit in limits], axis=0)
-
-
-def _half_planes(phi, present, limits, bounds: Bounds):
-    """(rows, most) of rows @ g <= most: the half-planes that touch each set nearest to `present`, then `bounds`."""
-    rows, most = [], []
-    for limit in limits:
-        normal, least = limit.half_planes(present)
-        rows.append(-(normal.conj()[:, :, None] * phi).real)
-        most.append(-least)
-    rows, most = np.concatenate([*rows, bounds.rows], axis=1), np.concatenate([*most, bounds.most], axis=1)
-    scale = np.abs(rows).max(axis=2)
+def _half_planes(demands: Demands, local, present):
+    """(rows, most) of rows @ g <= most: the half-planes that touch each set nearest to L with gains `present` (M, t), then the
+    bounds; each row is of size one in the variables g * local."""
+    L, rows, most = demands.loop_gain(present), [demands.bounds.rows], [demands.bounds.most]
+    for limit, on in zip(demands.limits, demands.imposed, strict=True):
+        normal, least = limit.half_planes(L)
+        rows.append(-(normal.conj()[:, :, None] * demands.phi).real)
+        most.append(np.where(on, -least, np.inf))
+    rows, most = np.concatenate(rows, axis=1), np.concatenate(most, axis=1)
+    scale = np.abs(rows / local[:, None, :]).max(axis=2)
     return rows / scale[:, :, None], most / scale
 
 
 @dataclass(frozen=True)
 class _Program:
-    """rows[m, r] @ (mix @ g)[m] <= most[m, r] and g >= 0, in the variables g * column of size one, each below `ceiling`."""
+    """rows[m, r] @ (mix @ g)[m] <= most[m, r] and g >= 0, in the variables g * column of size one."""
 
     rows: np.ndarray
     most: np.ndarray
     mix: sparse.csr_array
     column: np.ndarray
-    ceiling: np.ndarray
 
-    def solve(self, worth: np.ndarray, objective: int, working: np.ndarray):
-        """(g, working): the largest worth @ g[:, objective].
+    def solve(self, worth: np.ndarray, objective: int, present: np.ndarray) -> np.ndarray:
+        """g (N, t): the largest worth @ g[:, objective].
 
-        Of thousands of rows only a handful binds: violated rows join the working set (M, rows) until none is left; those far
-        from binding then leave it.
+        Of thousands of rows only a handful binds: the working set begins with those that nearly bind at gains `present`, and
+        violated rows join it until none is left.
         """
-        from scipy.optimize import linprog
+        from scipy.optimize import LinearConstraint
 
         cost = np.zeros(self.column.shape)
         cost[:, objective] = -worth / self.column[:, objective]
         cost /= np.abs(cost).max()
-        box = np.stack([np.zeros(cost.size), self.ceiling.T.ravel()], axis=-1)
+        excess = self._excess(present)
+        working = (excess > -_NEARLY) | (_peaks(excess) & (excess > -_SLACK))
         while True:
-            solved = linprog(cost.T.ravel(), A_ub=self._matrix(working), b_ub=self.most[working], bounds=box, method="highs")
-            if solved.x is None:
-                raise RuntimeError(f"the linear program of the tuner failed: {solved.message}")
-            gains = solved.x.reshape(cost.T.shape).T / self.column
-            excess = (self.rows @ (self.mix @ gains)[:, :, None])[:, :, 0] - self.most
+            rows = LinearConstraint(self._matrix(working), ub=self.most[working])
+            gains = _solution(cost.T.ravel(), rows).reshape(cost.T.shape).T / self.column
+            excess = self._excess(self.mix @ gains)
             violated = _peaks(np.where(working, 0.0, excess)) & (excess > _ROW_TOLERANCE)
             if not (violated & ~working).any():
-                return gains, working & (excess > -_SLACK)
+                return gains
             working = working | violated
 
+    def _excess(self, gains):
+        return (self.rows @ gains[:, :, None])[:, :, 0] - self.most
+
     def _matrix(self, working):
+        """The rows of the working set over all variables, term by term."""
         from scipy import sparse
 
         point, row = np.nonzero(working)
-        mix = self.mix[point]
-        blocks = [
-            sparse.diags_array(self.rows[point, row, t]) @ mix @ sparse.diags_array(1.0 / self.column[:, t])
-            for t in range(self.rows.shape[2])
-        ]
-        return sparse.hstack(blocks, format="csr")
+        mixed = self.mix[point]
+        owner = np.repeat(np.arange(point.size), np.diff(mixed.indptr))
+        values = self.rows[point, row][owner] * mixed.data[:, None] / self.column[mixed.indices]
+        nodes, terms = self.column.shape
+        variable = mixed.indices[:, None] + nodes * np.arange(terms)
+        place = np.repeat(owner, terms), variable.ravel()
+        return sparse.csr_array((values.ravel(), place), shape=(point.size, nodes * terms))
+
+
+def _solution(cost: np.ndarray, rows) -> np.ndarray:
+    """The variables from 0 to the ceiling with the least cost, by HiGHS (`milp` without integers skips much of `linprog`).
+
+    HiGHS is quickest without presolving, and surest with it.
+    """
+    from scipy.optimize import Bounds, milp
+
+    for presolve in (False, True):
+        solved = milp(cost, constraints=rows, bounds=Bounds(0.0, _CEILING), options={"presolve": presolve})
+        if solved.x is not None:
+            return solved.x
+    raise InfeasibleError(f"The linear program of the tuner has no solution: {solved.message} Relax a limit or move the points.")
 
 
 def _peaks(values) -> np.ndarray:

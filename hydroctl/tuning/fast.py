@@ -24,8 +24,9 @@ from ..reduction import SecondOrderFamily, reduce_order
 from ..regulators import Regulators
 from ..schedule import GainSchedule
 from ..specification import Specification
-from .limits import limits_of
-from .synthesis import Task, assemble_schedule, task_of
+from .limits import limits_of, phrase
+from .synthesis import assemble_schedule
+from .task import Task, task_of
 
 METHODS = ("imc", "pole-placement")
 _DAMPING = 0.7
@@ -153,7 +154,7 @@ def _require_held(task: Task, regulators: Regulators) -> None:
     if missed.max() > 0.0:
         worst = np.unravel_index(np.argmax(np.where(found.stable, missed, np.inf)), missed.shape)
         state = f"Ms = {found.Ms[worst]:.3g}, Mt = {found.Mt[worst]:.3g}" if found.stable[worst] else "an unstable loop"
-        asked = " and ".join(limits_of(task.specification))
+        asked = " and ".join(phrase(name, task.specification) for name in limits_of(task.specification))
         raise InfeasibleError(
             f"{task.place(*worst)}: pole placement, which ignores the delay, gives {state}; asked: {asked}. "
             'Use method "imc" or `tune`, another bandwidth, or a shorter delay.'

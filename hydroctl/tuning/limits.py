@@ -3,10 +3,11 @@
     Ms              the disc |1 + L| < 1/Ms
     Mt              the disc |L - c| < r,  c = -Mt^2/(Mt^2 - 1),  r = Mt/(Mt^2 - 1)
     gain margin     the disc with the diameter -1 ... -1/gm on the real axis
-    phase margin    the part of the unit disc with Re L < -cos(pm), widened by 0.01
+    phase margin    the part of the unit disc with Re L < -cos(pm), slightly widened
 
 The last two are sufficient: a loop that stays out of the disc does not cross the real axis on its diameter, and one that stays out
-of the segment does not cross the unit circle within pm of -1. A loop that enters and crosses elsewhere is lost to the design.
+of the segment does not cross the unit circle within pm of -1. They are imposed near the frequencies of crossings that miss the
+margin, so that a loop may enter them elsewhere.
 """
 
 from __future__ import annotations
@@ -28,9 +29,14 @@ class Disc(NamedTuple):
     radius: float
 
     @property
-    def tolerance(self) -> float:
-        """How far inside L may stay between the frequencies of the tuner: at most 1e-4 of Ms and Mt."""
-        return 2.5e-5
+    def shallow(self) -> float:
+        """From so little inside, the half-planes still let L out."""
+        return 5e-3
+
+    @property
+    def gain_margin(self) -> float:
+        """The factor above 1 that brings the end of the diameter beyond -1 to -1."""
+        return -1.0 / (self.centre + self.radius)
 
     def intrusion(self, L: np.ndarray) -> np.ndarray:
         """How far inside each L lies, in units of L; not positive outside."""
@@ -49,20 +55,25 @@ class Segment:
     phase_margin: float
 
     @property
-    def tolerance(self) -> float:
-        """As `Disc.tolerance`: within the rounding, so that the phase margin itself is kept."""
-        return _ROUNDING
+    def shallow(self) -> float:
+        """As `Disc.shallow`: nearly none, because arc and chord push L in different directions."""
+        return 1e-6
+
+    @property
+    def rounding(self) -> float:
+        """By how much the segment is widened; less where its chord passes near 0, which must stay outside."""
+        return min(_ROUNDING, 0.5 * float(np.cos(self.phase_margin)))
 
     def intrusion(self, L: np.ndarray) -> np.ndarray:
         """As `Disc.intrusion`."""
-        return _ROUNDING - self._nearest(L)[1]
+        return self.rounding - self._nearest(L)[1]
 
     def half_planes(self, L: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """As `Disc.half_planes`."""
         nearest, distance = self._nearest(L)
         on_border = distance == 0.0
         normal = np.where(on_border, 1.0, (L - nearest) / np.where(on_border, 1.0, distance))
-        return normal, (normal.conj() * nearest).real + _ROUNDING
+        return normal, (normal.conj() * nearest).real + self.rounding
 
     def _nearest(self, L):
         """(nearest point of the border, distance from it, negative inside)."""
@@ -84,11 +95,16 @@ def circles(Ms: float, Mt: float) -> list[Disc]:
 
 
 def limits_of(specification: Specification) -> dict[str, Limit]:
-    """The sets of a specification by the limit they stand for, for example "Ms <= 1.6"."""
-    Ms, Mt, gain, phase = (getattr(specification, name) for name in ("Ms", "Mt", "gain_margin", "phase_margin"))
-    limits: dict[str, Limit] = dict(zip((f"Ms <= {Ms:g}", f"Mt <= {Mt:g}"), circles(Ms, Mt), strict=True))
-    if gain is not None:
-        limits[f"gain_margin >= {gain:g}"] = Disc(-(1.0 + 1.0 / gain) / 2.0, (1.0 - 1.0 / gain) / 2.0)
-    if phase is not None:
-        limits[f"phase_margin >= {phase:g} rad"] = Segment(phase)
+    """The sets of a specification by the margin that they limit: "Ms" and "Mt", then those that are asked for beside them."""
+    limits: dict[str, Limit] = dict(zip(("Ms", "Mt"), circles(specification.Ms, specification.Mt), strict=True))
+    if (gain := specification.gain_margin) is not None:
+        limits["gain_margin"] = Disc(-(1.0 + 1.0 / gain) / 2.0, (1.0 - 1.0 / gain) / 2.0)
+    if (phase := specification.phase_margin) is not None:
+        limits["phase_margin"] = Segment(phase)
     return limits
+
+
+def phrase(name: str, specification: Specification) -> str:
+    """A limit in words, for example "Ms <= 1.6"."""
+    relation, unit = "<=" if name in ("Ms", "Mt") else ">=", " rad" if name == "phase_margin" else ""
+    return f"{name} {relation} {getattr(specification, name):g}{unit}"

@@ -1,0 +1,140 @@
+"""What is to be tuned: plants, points, structure and limits, and what each gain contributes to every loop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..actuator import Actuator
+from ..errors import InputError, unknown_name
+from ..frequency import LOOPS, SampledFamily
+from ..regulators import GAINS, STRUCTURES, Regulators, section_count
+from ..schedule import sampled_plants
+from ..specification import Specification
+from .convex import Bounds
+
+_SMALLEST_FLOW = 0.02
+_OPENINGS = np.array([_SMALLEST_FLOW, 0.06, 0.15, 0.4, 1.0])
+_POSITIONS = (9, 25)
+_RATIO_STEP = 0.2
+_FINE = 2001
+
+
+def default_points(actuator: Actuator) -> tuple[np.ndarray, np.ndarray]:
+    """(x, y) design points: five openings a side, from the smallest at which a linear model is used, and 9 to 25 positions.
+
+    The smallest opening lets 2 % of the full flow pass; a dead band adds to it. From one position to the next the ratio of the
+    chamber volumes changes by the same factor, because the stiffness of the oil follows it.
+    """
+    openings = actuator.dead_band + _OPENINGS * (1.0 - actuator.dead_band)
+    y = np.linspace(0.0, actuator.stroke, _FINE)
+    ratio = np.log((actuator.volume_a + actuator.area_a * y) / (actuator.volume_b - actuator.area_b * y))
+    count = int(np.clip(np.ceil((ratio[-1] - ratio[0]) / _RATIO_STEP) + 1, *_POSITIONS))
+    return np.concatenate([-openings[::-1], openings]), np.interp(np.linspace(ratio[0], ratio[-1], count), ratio, y)
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What is to be tuned: the sampled plants (variants, nx, ny) at the points x by y, and for what."""
+
+    actuator: Actuator
+    specification: Specification
+    loop: str
+    structure: str
+    x: np.ndarray
+    y: np.ndarray
+    labels: tuple[str, ...]
+    plants: SampledFamily
+
+    def part(self, rows, columns) -> Task:
+        """The same task at some of the points."""
+        flat = np.ravel_multi_index(np.ix_(range(self.plants.shape[0]), rows, columns), self.plants.shape)
+        plants = self.plants.take(flat.ravel()).reshape(*flat.shape)
+        return replace(self, x=self.x[rows], y=self.y[columns], plants=plants)
+
+    def place(self, k: int, i: int, j: int) -> str:
+        """The words for plant k at point (i, j)."""
+        return f"x={self.x[i]:g}, y={self.y[j]:g} m, {self.labels[k]} plant"
+
+    @property
+    def natural(self) -> np.ndarray:
+        """(nx, ny) natural frequencies of the nominal plant, rad/s."""
+        return self.plants.resonance[0, ..., 0]
+
+    @property
+    def used(self) -> list[int]:
+        """Which of kp, ki, kd the structure uses."""
+        return [GAINS.index(name) for name in STRUCTURES[self.structure]]
+
+    @property
+    def objective(self) -> int:
+        """The gain to maximize, among those used: ki, or kp where there is no ki."""
+        return min(1, len(self.used) - 1)
+
+    @property
+    def first(self) -> int:
+        """The gain that the tuner starts from, among those used: in a velocity loop the objective, in a position loop kp."""
+        return self.objective if self.loop == "velocity" else 0
+
+    def regulators(self, gains: np.ndarray, notch_frequency: np.ndarray) -> Regulators:
+        """Regulators of the shape of `notch_frequency` with gains (N, t)."""
+        table = np.zeros((len(GAINS), *notch_frequency.shape))
+        table[self.used] = gains.T.reshape(-1, *notch_frequency.shape)
+        zz, zp = self.specification.notch_damping if "notch" in self.structure else (1.0, 1.0)
+        sections = self.specification.lead_lag[: section_count(self.structure)]
+        Ts, Tf, Tm = self.specification.sample_time, self.specification.Tf, self.specification.measurement_filter
+        return Regulators(Ts, *table, notch_frequency, Tf, zz, zp, sections, Tm)
+
+    def terms(self, notch_frequency: np.ndarray, omega: np.ndarray) -> np.ndarray:
+        """(points, variants * n, t): what each gain contributes to the loop gain at omega (variants, nx, ny, n)."""
+        terms = self._notch(notch_frequency).terms(omega)[..., self.used] * self.plants.frequency_response(omega)[..., None]
+        return np.stack([self.by_point(terms[..., t]) for t in range(len(self.used))], axis=-1)
+
+    def by_point(self, values: np.ndarray) -> np.ndarray:
+        """(points, variants * n) from (variants, nx, ny, n)."""
+        variants, nx, ny, n = values.shape
+        return values.transpose(1, 2, 0, 3).reshape(nx * ny, variants * n)
+
+    def bounds(self, notch_frequency: np.ndarray) -> Bounds:
+        """|C| at the Nyquist frequency, where every term is real, as two bounds on the gains of each point; none if unlimited."""
+        limit = self.specification.high_frequency_gain
+        terms = self._notch(notch_frequency).terms([np.pi / self.specification.sample_time])[..., 0, self.used].real
+        terms = terms.reshape(-1, 1, len(self.used))
+        rows = terms[:, :0] if limit is None else np.concatenate([terms, -terms], axis=1)
+        return Bounds(rows, np.full(rows.shape[:2], limit, dtype=float))
+
+    def _notch(self, notch_frequency: np.ndarray) -> Regulators:
+        return self.regulators(np.zeros((notch_frequency.size, len(self.used))), notch_frequency)
+
+
+def task_of(actuator: Actuator, x, y, loop: str, structure: str, specification: Specification | None) -> Task:
+    """The task with its arguments checked: errors as in `tune`."""
+    specification = Specification() if specification is None else specification
+    faults = [fault for name, values in (("x", x), ("y", y)) if (fault := _points_fault(name, values))]
+    faults += [] if structure in STRUCTURES else [unknown_name("structure", structure, STRUCTURES)]
+    faults += [] if loop in LOOPS else [unknown_name("loop", loop, LOOPS)]
+    if faults:
+        raise InputError(faults)
+    x, y = (np.atleast_1d(np.asarray(values, dtype=float)) for values in (x, y))
+    labels, plants = sampled_plants(actuator, x, y, loop, specification)
+    task = Task(actuator, specification, loop, structure, x, y, tuple(labels), plants)
+    nyquist = np.pi / specification.sample_time
+    if ("notch" in structure or section_count(structure)) and task.natural.max() >= nyquist:
+        raise InputError(
+            f"sample_time = {specification.sample_time:g} s: a notch or lead at {task.natural.max():.4g} rad/s, the plant's natural "
+            f"frequency, needs one below {np.pi / task.natural.max():.3g} s. Sample faster or choose a structure without."
+        )
+    return task
+
+
+def _points_fault(name: str, values) -> str | None:
+    try:
+        points = np.atleast_1d(np.asarray(values, dtype=float))
+    except (TypeError, ValueError):
+        points = np.array([])
+    if points.ndim != 1 or points.size == 0 or not np.isfinite(points).all() or (np.diff(points) <= 0.0).any():
+        return f"{name} nodes = {values!r} must be one ascending row of finite numbers."
+    if name == "x" and (points == 0.0).any():
+        return "x = 0 cannot be a node, because the plant has no derivative there; use a small opening of either sign."
+    return None
