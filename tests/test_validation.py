@@ -105,6 +105,19 @@ def test_a_loop_that_does_not_settle_has_an_infinite_settling_time_and_fails():
     assert failed == {"settling time", "lasting oscillation"}
 
 
+def test_what_cannot_be_judged_is_not_met():
+    """A "step" to where the piston is already has no settling time, whatever the loop; the requirement must not vanish."""
+    n = 400
+    asked = Scenario(name="no step", loop="position", Ts=TS, reference=np.full(n, 0.1), y=0.1, kind="step", settle_by=0.02)
+    metrics = measure(ACTUATOR, asked, trajectory_of(np.full(n, 0.1), np.zeros(n)))
+    run = SimpleNamespace(scenario=asked, variant="nominal", actuator=ACTUATOR, metrics=metrics, reason="")
+    verdicts = {v.name: v for v in judge(default_requirements(scale_of(ACTUATOR, "position"), "position"), [run])}
+    assert not verdicts["settling time"].passed
+    assert "cannot be judged" in str(verdicts["settling time"])
+    assert verdicts["peak pressure"].passed
+    assert "overshoot after saturation" not in verdicts
+
+
 @pytest.mark.parametrize("loop", ["velocity", "position"])
 def test_library_has_three_positions_both_ways_saturation_and_reversal(loop):
     asked = step_scenarios(ACTUATOR, loop)

@@ -30,7 +30,7 @@ from ..simulation.trajectory import rest_pressures
 from .chunks import ChunkStore
 from .metrics import Metrics, last_step
 from .scenarios import step_scenarios
-from .verdict import Requirement, Verdict
+from .verdict import Requirement, Verdict, excess_of
 
 if TYPE_CHECKING:
     from ..schedule import GainSchedule
@@ -100,10 +100,10 @@ class CampaignResult:
             excess, limits = np.full(self.count, -np.inf), np.full(self.count, np.nan)
             values = np.broadcast_to(requirement.achieved(achieved), self.count)
             for index, scenario in enumerate(self.scenarios):
-                mine = (self.scenario == index) & ~np.isnan(values)
+                mine = (self.scenario == index) & ~self.failed
                 if scenario.kind in requirement.kinds and mine.any():
                     limits[mine] = np.broadcast_to(requirement.limit(scenario, machine), self.count)[mine]
-                    excess[mine] = values[mine] - limits[mine]
+                    excess[mine] = excess_of(values[mine], limits[mine])
             if (excess > -np.inf).any():
                 worst = int(np.argmax(excess))
                 case = (float(limits[worst]), float(values[worst]), worst)
@@ -283,8 +283,8 @@ def _metrics(task: _Task, scenario: Scenario, window, s: dict[str, np.ndarray]) 
             "oscillation": s["late_most"] - s["late_least"] if late < n else np.full_like(overshoot, np.nan),
             "steady_error": 1.0 - s["late_sum"] / max(1, n - steady),
         }
-        if first >= n:
-            values = {name: np.full_like(overshoot, np.nan) for name in values}
+        stepped = np.isfinite(s["per_step"]) & (first < n)
+        values = {name: np.where(stepped, value, np.nan) for name, value in values.items()}
         beyond = np.maximum(0.0, np.maximum(-s["least_y"], s["most_y"] - task.actuator.stroke))
     values |= {name: s[name] for name in METRICS if name in s} | {"beyond_stroke": beyond}
     rows = np.array([values[name] for name in METRICS])
