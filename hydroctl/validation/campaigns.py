@@ -27,6 +27,7 @@ from ..simulation.modes import substeps as needed_substeps
 from ..simulation.regulator import regulator_of
 from ..simulation.scenario import require_fit
 from ..simulation.trajectory import rest_pressures
+from ..specification import VARIATIONS
 from .chunks import ChunkStore
 from .metrics import Metrics, last_step
 from .scenarios import step_scenarios
@@ -35,7 +36,7 @@ from .verdict import Requirement, Verdict, excess_of
 if TYPE_CHECKING:
     from ..schedule import GainSchedule
 
-SPREAD = {"bulk_modulus": 0.3, "mass": 0.5, "supply_pressure": 0.2, "viscous_friction": 0.5, "load_force": 0.1}
+SPREAD = VARIATIONS | {"viscous_friction": 0.5, "load_force": 0.1}
 """Relative half-widths of the uniform distributions; of the load, in parts of the smaller stall force at the lowest supply."""
 METRICS = tuple(field.name for field in fields(Metrics))
 _SERIAL_BELOW = 64

@@ -10,7 +10,7 @@ import numpy as np
 from ..actuator import Actuator
 from ..simulation.scenario import Scenario
 from .metrics import BAND, Metrics
-from .scenarios import Scale
+from .scale import Scale
 
 
 @dataclass(frozen=True)
