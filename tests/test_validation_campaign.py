@@ -180,7 +180,9 @@ def test_machines_with_every_effect_run_too():
 
 def test_unusable_requests_are_refused_all_at_once():
     with pytest.raises(InputError) as caught:
-        run(0, seed=-1, spread={"masses": 0.1, "mass": 2.0}, scenarios=[])
-    assert len(caught.value.faults) == 5
+        run(0, seed=-1, spread={"masses": 0.1, "mass": 2.0, "bulk_modulus": "much"}, scenarios=[], chunk_size=0, substeps=1.5)
+    assert len(caught.value.faults) == 8
+    with pytest.raises(InputError, match="case_seed"):
+        replay(ACTUATOR, SCHEDULE, -1, scenarios=short_scenarios())
     with pytest.raises(InputError, match="velocity loop"):
         campaign(ACTUATOR, schedule(), count=1, seed=0, scenarios=short_scenarios())

@@ -11,6 +11,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, fields
+from numbers import Integral, Real
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, NamedTuple
@@ -140,7 +141,7 @@ def campaign(
     """
     if scenarios is None:
         scenarios = step_scenarios(actuator, schedule.loop, Ts=schedule.Ts)
-    task = _task(actuator, schedule, tuple(scenarios), dict(spread), count, seed, substeps)
+    task = _task(actuator, schedule, scenarios, spread, count, seed, substeps, chunk_size)
     store = ChunkStore(
         directory, (actuator.fingerprint(), task.regulator, task.scenarios, sorted(task.spread.items()), seed, count, task.substeps)
     )
@@ -172,21 +173,28 @@ def replay(
     """
     if scenarios is None:
         scenarios = step_scenarios(actuator, schedule.loop, Ts=schedule.Ts)
+    if fault := _whole_number_fault("case_seed", case_seed, 0, 2 * _CASE_BITS):
+        raise InputError(fault)
     case = case_seed % (1 << _CASE_BITS)
-    task = _task(actuator, schedule, tuple(scenarios), dict(spread), case + 1, case_seed >> _CASE_BITS, substeps)
+    task = _task(actuator, schedule, scenarios, spread, case + 1, case_seed >> _CASE_BITS, substeps)
     drawn = dict(zip(SPREAD, _draw(task, case, case + 1)[:, 0].tolist(), strict=True))
     load = drawn.pop("load_force") + actuator.load_force
     machine, scenario = actuator.replace(**drawn, load_force=load), scenarios[_scenario_of(task, case)]
     return machine, scenario, simulate_closed_loop(machine, schedule, scenario, substeps=task.substeps)
 
 
-def _task(actuator, schedule, scenarios, spread, count, seed, substeps) -> _Task:
+def _task(actuator, schedule, scenarios, spread, count, seed, substeps, chunk_size=1) -> _Task:
+    scenarios, spread = tuple(scenarios), dict(spread)
     faults = [unknown_name("spread", name, SPREAD) for name in spread if name not in SPREAD]
-    faults += [f"spread[{name!r}] = {part!r} is outside 0 ... 0.95." for name, part in spread.items() if not 0.0 <= part <= 0.95]
-    for name, value in (("count", count), ("seed", seed)):
-        least = 1 if name == "count" else 0
-        if not isinstance(value, int) or isinstance(value, bool) or not least <= value < 1 << _CASE_BITS:
-            faults.append(f"{name} = {value!r} must be a whole number from {least} to 2^{_CASE_BITS} - 1.")
+    faults += [
+        f"spread[{name!r}] = {part!r} must be a number from 0 to 0.95."
+        for name, part in spread.items()
+        if isinstance(part, bool) or not isinstance(part, Real) or not 0.0 <= part <= 0.95
+    ]
+    given = {"count": (count, 1), "seed": (seed, 0), "chunk_size": (chunk_size, 1)}
+    if substeps is not None:
+        given["substeps"] = substeps, 1
+    faults += [fault for name, (value, least) in given.items() if (fault := _whole_number_fault(name, value, least, _CASE_BITS))]
     if not scenarios:
         faults.append("scenarios is empty; give at least one, or leave it out for the library's.")
     if faults:
@@ -200,6 +208,12 @@ def _task(actuator, schedule, scenarios, spread, count, seed, substeps) -> _Task
         supply_pressure=actuator.supply_pressure * (1.0 + spread["supply_pressure"]),
     )
     return _Task(actuator, regulator_of(schedule), scenarios, spread, seed, substeps or needed_substeps(stiffest, schedule.Ts))
+
+
+def _whole_number_fault(name: str, value, least: int, bits: int) -> str | None:
+    if isinstance(value, Integral) and not isinstance(value, bool) and least <= value < 1 << bits:
+        return None
+    return f"{name} = {value!r} must be a whole number from {least} to 2^{bits} - 1."
 
 
 def _run_all(task: _Task, bounds, executor: Executor | None):
