@@ -77,7 +77,7 @@ def actuators(
 @app.command()
 def validate(
     schedule: Annotated[Path, typer.Argument(help="a schedule.json that `hydroctl design` wrote")],
-    variants: Annotated[str, typer.Option(help="machines to try: nominal or corners")] = "nominal",
+    variants: Annotated[str, typer.Option(help="machines to try: nominal, design or box")] = "nominal",
     count: Annotated[int, typer.Option(help="run this many random cases instead", min=0)] = 0,
     seed: Annotated[int, typer.Option(help="seed of the random cases", min=0)] = 0,
     directory: Annotated[Path | None, typer.Option("-o", "--output", help="keep finished cases here; a new run resumes")] = None,

@@ -11,8 +11,10 @@ from numbers import Real
 from .actuator import PARAMETERS, Actuator
 from .errors import InputError, unknown_name
 
-_HIGH_SUPPLY = 1.2
-_CORNERS = {"bulk_modulus": (0.7, 1.3), "mass": (0.5, 1.5)}
+VARIATIONS = {"bulk_modulus": 0.3, "mass": 0.5, "supply_pressure": 0.2}
+"""What a machine is expected to vary by: relative half-widths"""
+_HIGH_SUPPLY = 1.0 + VARIATIONS["supply_pressure"]
+_CORNERS = {name: (1.0 - VARIATIONS[name], 1.0 + VARIATIONS[name]) for name in ("bulk_modulus", "mass")}
 
 
 @dataclass(frozen=True, kw_only=True)

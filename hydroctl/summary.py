@@ -9,7 +9,9 @@ import numpy as np
 
 from .actuator import PARAMETERS
 from .characteristics import Characteristics
+from .errors import InputError
 from .margins import MARGIN_UNITS
+from .validation import compare_reports
 
 _SHOWN = {
     "Ms": "Ms {:.3f}",
@@ -49,10 +51,12 @@ def to_dict(design) -> dict:
 
 
 def iae_ratio(design) -> float:
-    """Integral of |e|, scheduled over fixed: geometric mean over the validation's runs that both finished."""
-    pairs = zip(design.validation.runs, design.fixed_validation.runs, strict=True)
-    ratios = [math.log(a.metrics.iae / b.metrics.iae) for a, b in pairs if a.metrics and b.metrics]
-    return math.exp(np.mean(ratios)) if ratios else math.nan
+    """Integral of |e|, scheduled over fixed: geometric mean over the validation's runs that both finished; NaN without any."""
+    try:
+        (found,) = compare_reports({"fixed": design.fixed_validation, "scheduled": design.validation})
+    except InputError:
+        return math.nan
+    return found.mean
 
 
 def _head(design):

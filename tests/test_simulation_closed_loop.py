@@ -118,11 +118,11 @@ def test_leaving_out_absent_effects_changes_no_bit():
 
 
 @pytest.mark.parametrize("name", ["differential_100_56", "fast_50_28"])
-@pytest.mark.parametrize("index", [1, 3, 5], ids=["sine", "load step", "start at other pressures"])
+@pytest.mark.parametrize("index", [2, 4, 6], ids=["sine", "load step", "start at other pressures"])
 def test_tracking_scenarios_of_other_machines_agree_with_dop853_to_a_millionth(name, index):
     actuator = hc.load_actuator(name)
     asked = tracking_scenarios(actuator, "velocity")[index]
-    first = int(0.2 * asked.reference.size) - 20 if index == 3 else 0
+    first = int(0.2 * asked.reference.size) - 20 if index == 4 else 0
     part = slice(first, first + 80)
     changes = {key: getattr(asked, key)[part] for key in ("reference", "v_ref", "load_force")}
     asked = dataclasses.replace(asked, **changes, settle_by=None)

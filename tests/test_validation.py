@@ -13,8 +13,11 @@ from hydroctl.simulation import Scenario, Trajectory
 from hydroctl.validation import (
     Metrics,
     compare,
+    contact_scenarios,
     default_requirements,
+    library,
     measure,
+    rivals,
     scale_of,
     step_scenarios,
     tracking_scenarios,
@@ -105,6 +108,19 @@ def test_a_loop_that_does_not_settle_has_an_infinite_settling_time_and_fails():
     assert failed == {"settling time", "lasting oscillation"}
 
 
+def test_what_cannot_be_judged_is_not_met():
+    """A "step" to where the piston is already has no settling time, whatever the loop; the requirement must not vanish."""
+    n = 400
+    asked = Scenario(name="no step", loop="position", Ts=TS, reference=np.full(n, 0.1), y=0.1, kind="step", settle_by=0.02)
+    metrics = measure(ACTUATOR, asked, trajectory_of(np.full(n, 0.1), np.zeros(n)))
+    run = SimpleNamespace(scenario=asked, variant="nominal", actuator=ACTUATOR, metrics=metrics, reason="")
+    verdicts = {v.name: v for v in judge(default_requirements(scale_of(ACTUATOR, "position"), "position"), [run])}
+    assert not verdicts["settling time"].passed
+    assert "cannot be judged" in str(verdicts["settling time"])
+    assert verdicts["peak pressure"].passed
+    assert "overshoot after saturation" not in verdicts
+
+
 @pytest.mark.parametrize("loop", ["velocity", "position"])
 def test_library_has_three_positions_both_ways_saturation_and_reversal(loop):
     asked = step_scenarios(ACTUATOR, loop)
@@ -133,7 +149,7 @@ def test_sound_loops_meet_every_requirement_on_the_nominal_machine_and_its_corne
             "ki": np.full((4, 3), 280.0 if loop == "velocity" else 5700.0),
         }
         given = schedule(loop, **gains, Tt=0.02 if loop == "velocity" else 0.05, zz=0.3, specification=SimpleNamespace(Mt=1.3))
-        report = validate(ACTUATOR, given, variants="corners")
+        report = validate(ACTUATOR, given, variants="box")
         assert report.passed, report.summary()
         assert len(report.runs) == 81
         assert len({run.variant for run in report.runs}) == 9
@@ -170,12 +186,17 @@ def test_a_run_that_fails_is_a_verdict_with_its_reason():
 
 def test_unusable_requests_are_refused():
     given = schedule(specification=SimpleNamespace(Mt=1.3))
-    with pytest.raises(InputError, match="variants 'corner' is unknown; did you mean 'corners'"):
-        validate(ACTUATOR, given, variants="corner")
+    with pytest.raises(InputError, match="variants 'boxes' is unknown; did you mean 'box'"):
+        validate(ACTUATOR, given, variants="boxes")
+    with pytest.raises(InputError, match="at least one Actuator"):
+        validate(ACTUATOR, given, variants={"light": 1.0})
     with pytest.raises(InputError, match="scenarios is empty"):
         validate(ACTUATOR, given, scenarios=[])
     with pytest.raises(InputError, match="loop 'speed' is unknown"):
         step_scenarios(ACTUATOR, "speed")
+    for Ts in (0.0, -1e-3, np.nan, 1.0, "1 ms", 1e-12):
+        with pytest.raises(InputError, match="Ts = "):
+            step_scenarios(ACTUATOR, "velocity", Ts=Ts)
     with pytest.raises(InputError, match="is for the position loop"):
         validate(ACTUATOR, given, scenarios=step_scenarios(ACTUATOR, "position"))
 
@@ -186,7 +207,7 @@ def test_tracking_references_stay_within_what_the_machine_can_do(loop, name):
     actuator = hc.load_actuator(name)
     scale = scale_of(actuator, loop)
     asked = tracking_scenarios(actuator, loop)
-    assert len({scenario.name for scenario in asked}) == 6
+    assert len({scenario.name for scenario in asked}) == 8
     for scenario in asked:
         assert np.abs(scenario.v_ref).max() <= 0.5 * min(scale.extend_speed, scale.retract_speed)
         if loop == "position":
@@ -196,6 +217,21 @@ def test_tracking_references_stay_within_what_the_machine_can_do(loop, name):
         if scenario.initial is not None:
             force = actuator.area_a * scenario.initial.p_a - actuator.area_b * scenario.initial.p_b
             assert force == pytest.approx(actuator.load_force, abs=1e-9 * actuator.area_a * actuator.supply_pressure)
+            for pressure in scenario.initial[:2]:
+                assert actuator.tank_pressure < pressure < actuator.supply_pressure
+
+
+@pytest.mark.parametrize("loop", ["velocity", "position"])
+def test_contact_scenarios_meet_each_stop_and_leave_it_and_need_stops(loop):
+    crane = hc.load_actuator("crane_80_45")
+    asked = contact_scenarios(crane, loop)
+    for scenario, end, direction in zip(asked, (crane.stroke, 0.0), (1.0, -1.0), strict=True):
+        path = scenario.y + np.cumsum(scenario.reference) * scenario.Ts if loop == "velocity" else scenario.reference
+        assert (direction * (path - end)).max() > 0.0
+        assert direction * (path[-1] - end) < 0.0
+    assert contact_scenarios(ACTUATOR, loop) == ()
+    assert len(library(crane, loop)) == 9 + 8 + 2
+    assert len(library(ACTUATOR, loop)) == 9 + 8
 
 
 def test_comparison_is_the_ratio_of_the_errors_case_by_case():
@@ -216,5 +252,24 @@ def test_comparison_is_the_ratio_of_the_errors_case_by_case():
     ratios = [reports[1][key].iae / reports[0][key].iae for key in reports[0]]
     assert found.mean == pytest.approx(math.sqrt(ratios[0] * ratios[1]), rel=1e-12)
     assert (found.best, found.worst) == (min(ratios), max(ratios))
-    with pytest.raises(InputError, match="fewer than two"):
+    with pytest.raises(InputError, match="at least two"):
         compare(ACTUATOR, {"quick": quick})
+
+
+def test_rivals_of_a_schedule_are_its_plainer_fellows_tuned_to_the_same_limits():
+    x, y = np.array([-1.0, -0.1, 0.1, 1.0]), np.array([0.0, 0.25, 0.5])
+    tuned = hc.tune(ACTUATOR, x, y, structure="pi+notch", specification=hc.Specification(uncertainty="nominal"))
+    found = rivals(tuned)
+    assert list(found) == ["P", "P + feed-forward", "fixed", "scheduled"]
+    assert [given.feed_forward for given in found.values()] == [False, True, tuned.feed_forward, tuned.feed_forward]
+    assert not found["P"].ki.any()
+    assert found["fixed"].kp.size == 1
+    assert found["fixed"].structure == found["scheduled"].structure == "pi+notch"
+    for given in found.values():
+        assert given.margins.worst("Ms", where=given.margins.designed).value <= 1.6 * (1 + 1e-3)
+    asked = [scenario for scenario in step_scenarios(ACTUATOR, "velocity") if scenario.kind == "step"][:2]
+    forward, fixed, scheduled = compare(ACTUATOR, found, scenarios=asked, variants="design")
+    assert scheduled.cases == 2
+    assert scheduled.mean < 1.0
+    assert fixed.mean < 1.0
+    assert forward.mean < 1.0

@@ -130,6 +130,26 @@ def test_a_failed_case_is_a_row_with_its_reason_and_seed():
     assert (verdict.passed, verdict.achieved, verdict.scenario) == (False, 32.0, "away")
 
 
+def test_a_step_to_where_the_piston_is_has_no_step_metrics_and_is_not_passed_over():
+    """At rest without leakage nothing moves: the step is exactly 0, as the reference is before a step that comes back to it."""
+    tight, k = ACTUATOR.replace(leakage=0.0), np.arange(160)
+    common = {"loop": "velocity", "Ts": 1e-3, "y": 0.25, "kind": "step", "settle_by": 0.05}
+    there = Scenario(name="there", reference=np.zeros(160), **common)
+    back = Scenario(name="back", reference=0.02 * ((k >= 20) & (k < 70)), **common)
+    given = schedule("velocity")
+    result = campaign(tight, given, count=64, seed=1, scenarios=[there, back])
+    for case in (0, 40):
+        machine, scenario, trajectory = replay(tight, given, result.case_seed(case), scenarios=[there, back])
+        expected = measure(machine, scenario, trajectory)
+        for name in METRICS:
+            assert result.metrics[name][case] == pytest.approx(getattr(expected, name), rel=1e-9, abs=1e-12, nan_ok=True), name
+    assert np.isnan(result.metrics["settling_time"][:32]).all()
+    assert np.isfinite(result.metrics["overshoot"][32:]).all()
+    verdicts = {v.name: v for v in result.verdicts(default_requirements(scale_of(tight, "velocity"), "velocity"))}
+    assert not verdicts["settling time"].passed
+    assert verdicts["settling time"].scenario == "there"
+
+
 def test_verdicts_are_those_of_the_single_runs():
     result = run(64)
     requirements = default_requirements(scale_of(ACTUATOR, "position"), "position")
@@ -160,7 +180,9 @@ def test_machines_with_every_effect_run_too():
 
 def test_unusable_requests_are_refused_all_at_once():
     with pytest.raises(InputError) as caught:
-        run(0, seed=-1, spread={"masses": 0.1, "mass": 2.0}, scenarios=[])
-    assert len(caught.value.faults) == 5
+        run(0, seed=-1, spread={"masses": 0.1, "mass": 2.0, "bulk_modulus": "much"}, scenarios=[], chunk_size=0, substeps=1.5)
+    assert len(caught.value.faults) == 8
+    with pytest.raises(InputError, match="case_seed"):
+        replay(ACTUATOR, SCHEDULE, -1, scenarios=short_scenarios())
     with pytest.raises(InputError, match="velocity loop"):
         campaign(ACTUATOR, schedule(), count=1, seed=0, scenarios=short_scenarios())

@@ -128,8 +128,7 @@ def _regulate(w, reference, forward, regulator):
 
 def _measure(w, k, first, late, measured, reference, target, p, Ts):
     """Add the motion at sample k to the sums. `first`: the sample of the last step; `late`: from where it should have settled."""
-    is_step = 1.0 if k == first else 0.0
-    since, is_after, is_late = float(k - first), k >= first, k >= late
+    since, is_step, is_after, is_late = float(k - first), k == first, k >= first, k >= late
     for i in range(LANES):
         value, x = w[measured + i], w[X + i]
         error = reference - value
@@ -143,8 +142,8 @@ def _measure(w, k, first, late, measured, reference, target, p, Ts):
         w[CAVITATION + i] += Ts if lowest < p.tank_pressure - 1e-9 * w[SUPPLY + i] else 0.0
         w[LEAST_Y + i] = min(w[LEAST_Y + i], w[Y + i])
         w[MOST_Y + i] = max(w[MOST_Y + i], w[Y + i])
-        w[START + i] += is_step * (value - w[START + i])
-        w[PER_STEP + i] += is_step * (1.0 / (target - value) - w[PER_STEP + i])
+        w[START + i] = value if is_step else w[START + i]
+        w[PER_STEP + i] = 1.0 / (target - value) if is_step else w[PER_STEP + i]
         progress = (value - w[START + i]) * w[PER_STEP + i]
         w[RISE_10 + i] = min(w[RISE_10 + i], since if is_after and progress >= 0.1 else inf)
         w[RISE_90 + i] = min(w[RISE_90 + i], since if is_after and progress >= 0.9 else inf)

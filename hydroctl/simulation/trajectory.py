@@ -71,8 +71,10 @@ def rest_state(actuator: Actuator, y: float | None = None, *, load_force: float 
     Of all pairs of pressures that hold the load, the one midway between the limits x -> 0+ and x -> 0- of slow motion without
     leakage, from which both directions start alike. Raises InputError where y is outside the stroke or the load cannot be held.
     """
-    y = actuator.stroke / 2.0 if y is None else float(y)
-    load = actuator.load_force + float(load_force)
+    try:
+        y, load = actuator.stroke / 2.0 if y is None else float(y), actuator.load_force + float(load_force)
+    except (TypeError, ValueError):
+        raise InputError(f"y = {y!r} and load_force = {load_force!r} must be single numbers, in m and N.") from None
     highest, lowest = (float(stall_force(actuator, side)) for side in (1.0, -1.0))
     faults = []
     if not 0.0 <= y <= actuator.stroke:

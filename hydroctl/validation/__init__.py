@@ -1,10 +1,11 @@
 """Validation on the nonlinear plant: scenarios, metrics, requirements and the verdict on each."""
 
 from .campaigns import CampaignResult, campaign, replay
-from .comparison import Comparison, compare
+from .comparison import Comparison, compare, compare_reports, rivals
 from .metrics import Metrics, measure
 from .report import Run, ValidationReport, validate
-from .scenarios import Scale, scale_of, step_scenarios, tracking_scenarios
+from .scale import Scale, scale_of
+from .scenarios import contact_scenarios, library, step_scenarios, tracking_scenarios
 from .verdict import Requirement, Verdict, default_requirements
 
 __all__ = [
@@ -18,9 +19,13 @@ __all__ = [
     "Verdict",
     "campaign",
     "compare",
+    "compare_reports",
+    "contact_scenarios",
     "default_requirements",
+    "library",
     "measure",
     "replay",
+    "rivals",
     "scale_of",
     "step_scenarios",
     "tracking_scenarios",

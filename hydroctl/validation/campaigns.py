@@ -11,6 +11,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, fields
+from numbers import Integral, Real
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, NamedTuple
@@ -27,15 +28,16 @@ from ..simulation.modes import substeps as needed_substeps
 from ..simulation.regulator import regulator_of
 from ..simulation.scenario import require_fit
 from ..simulation.trajectory import rest_pressures
+from ..specification import VARIATIONS
 from .chunks import ChunkStore
 from .metrics import Metrics, last_step
 from .scenarios import step_scenarios
-from .verdict import Requirement, Verdict
+from .verdict import Requirement, Verdict, excess_of
 
 if TYPE_CHECKING:
     from ..schedule import GainSchedule
 
-SPREAD = {"bulk_modulus": 0.3, "mass": 0.5, "supply_pressure": 0.2, "viscous_friction": 0.5, "load_force": 0.1}
+SPREAD = VARIATIONS | {"viscous_friction": 0.5, "load_force": 0.1}
 """Relative half-widths of the uniform distributions; of the load, in parts of the smaller stall force at the lowest supply."""
 METRICS = tuple(field.name for field in fields(Metrics))
 _SERIAL_BELOW = 64
@@ -100,10 +102,10 @@ class CampaignResult:
             excess, limits = np.full(self.count, -np.inf), np.full(self.count, np.nan)
             values = np.broadcast_to(requirement.achieved(achieved), self.count)
             for index, scenario in enumerate(self.scenarios):
-                mine = (self.scenario == index) & ~np.isnan(values)
+                mine = (self.scenario == index) & ~self.failed
                 if scenario.kind in requirement.kinds and mine.any():
                     limits[mine] = np.broadcast_to(requirement.limit(scenario, machine), self.count)[mine]
-                    excess[mine] = values[mine] - limits[mine]
+                    excess[mine] = excess_of(values[mine], limits[mine])
             if (excess > -np.inf).any():
                 worst = int(np.argmax(excess))
                 case = (float(limits[worst]), float(values[worst]), worst)
@@ -139,7 +141,7 @@ def campaign(
     """
     if scenarios is None:
         scenarios = step_scenarios(actuator, schedule.loop, Ts=schedule.Ts)
-    task = _task(actuator, schedule, tuple(scenarios), dict(spread), count, seed, substeps)
+    task = _task(actuator, schedule, scenarios, spread, count, seed, substeps, chunk_size)
     store = ChunkStore(
         directory, (actuator.fingerprint(), task.regulator, task.scenarios, sorted(task.spread.items()), seed, count, task.substeps)
     )
@@ -171,21 +173,28 @@ def replay(
     """
     if scenarios is None:
         scenarios = step_scenarios(actuator, schedule.loop, Ts=schedule.Ts)
+    if fault := _whole_number_fault("case_seed", case_seed, 0, 2 * _CASE_BITS):
+        raise InputError(fault)
     case = case_seed % (1 << _CASE_BITS)
-    task = _task(actuator, schedule, tuple(scenarios), dict(spread), case + 1, case_seed >> _CASE_BITS, substeps)
+    task = _task(actuator, schedule, scenarios, spread, case + 1, case_seed >> _CASE_BITS, substeps)
     drawn = dict(zip(SPREAD, _draw(task, case, case + 1)[:, 0].tolist(), strict=True))
     load = drawn.pop("load_force") + actuator.load_force
     machine, scenario = actuator.replace(**drawn, load_force=load), scenarios[_scenario_of(task, case)]
     return machine, scenario, simulate_closed_loop(machine, schedule, scenario, substeps=task.substeps)
 
 
-def _task(actuator, schedule, scenarios, spread, count, seed, substeps) -> _Task:
+def _task(actuator, schedule, scenarios, spread, count, seed, substeps, chunk_size=1) -> _Task:
+    scenarios, spread = tuple(scenarios), dict(spread)
     faults = [unknown_name("spread", name, SPREAD) for name in spread if name not in SPREAD]
-    faults += [f"spread[{name!r}] = {part!r} is outside 0 ... 0.95." for name, part in spread.items() if not 0.0 <= part <= 0.95]
-    for name, value in (("count", count), ("seed", seed)):
-        least = 1 if name == "count" else 0
-        if not isinstance(value, int) or isinstance(value, bool) or not least <= value < 1 << _CASE_BITS:
-            faults.append(f"{name} = {value!r} must be a whole number from {least} to 2^{_CASE_BITS} - 1.")
+    faults += [
+        f"spread[{name!r}] = {part!r} must be a number from 0 to 0.95."
+        for name, part in spread.items()
+        if isinstance(part, bool) or not isinstance(part, Real) or not 0.0 <= part <= 0.95
+    ]
+    given = {"count": (count, 1), "seed": (seed, 0), "chunk_size": (chunk_size, 1)}
+    if substeps is not None:
+        given["substeps"] = substeps, 1
+    faults += [fault for name, (value, least) in given.items() if (fault := _whole_number_fault(name, value, least, _CASE_BITS))]
     if not scenarios:
         faults.append("scenarios is empty; give at least one, or leave it out for the library's.")
     if faults:
@@ -199,6 +208,12 @@ def _task(actuator, schedule, scenarios, spread, count, seed, substeps) -> _Task
         supply_pressure=actuator.supply_pressure * (1.0 + spread["supply_pressure"]),
     )
     return _Task(actuator, regulator_of(schedule), scenarios, spread, seed, substeps or needed_substeps(stiffest, schedule.Ts))
+
+
+def _whole_number_fault(name: str, value, least: int, bits: int) -> str | None:
+    if isinstance(value, Integral) and not isinstance(value, bool) and least <= value < 1 << bits:
+        return None
+    return f"{name} = {value!r} must be a whole number from {least} to 2^{bits} - 1."
 
 
 def _run_all(task: _Task, bounds, executor: Executor | None):
@@ -283,8 +298,8 @@ def _metrics(task: _Task, scenario: Scenario, window, s: dict[str, np.ndarray]) 
             "oscillation": s["late_most"] - s["late_least"] if late < n else np.full_like(overshoot, np.nan),
             "steady_error": 1.0 - s["late_sum"] / max(1, n - steady),
         }
-        if first >= n:
-            values = {name: np.full_like(overshoot, np.nan) for name in values}
+        stepped = np.isfinite(s["per_step"]) & (first < n)
+        values = {name: np.where(stepped, value, np.nan) for name, value in values.items()}
         beyond = np.maximum(0.0, np.maximum(-s["least_y"], s["most_y"] - task.actuator.stroke))
     values |= {name: s[name] for name in METRICS if name in s} | {"beyond_stroke": beyond}
     rows = np.array([values[name] for name in METRICS])

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..actuator import Actuator
 from ..errors import InputError
 from ..simulation import Scenario
-from .report import validate
+from ..tuning import tune_fixed
+from .plants import plants_of
+from .report import ValidationReport, validate
+from .scenarios import library
 
 if TYPE_CHECKING:
     from ..schedule import GainSchedule
@@ -29,12 +32,37 @@ class Comparison:
     best_case: str
     worst: float
     worst_case: str
+    cases: int
+    """cases that count"""
     failed: int
     """cases that this schedule failed"""
+    baseline_failed: int
+    """cases that the baseline failed"""
 
     def __str__(self) -> str:
         text = f"{self.name} / {self.baseline}: IAE x {self.mean:.3f} ({self.best:.3f} at best: {self.best_case}; "
-        return text + f"{self.worst:.3f} at worst: {self.worst_case}; {self.failed} failed)"
+        failed = f"{self.failed} failed, of the baseline {self.baseline_failed}"
+        return text + f"{self.worst:.3f} at worst: {self.worst_case}; {self.cases} cases, {failed})"
+
+
+def rivals(schedule: GainSchedule) -> dict[str, GainSchedule]:
+    """`schedule` after what it must beat, for `compare`: "P", a bare proportional regulator; "P + feed-forward"; "fixed", one
+    regulator of the schedule's own structure; "scheduled".
+
+    All are tuned to the schedule's specification on all of its plants and design points; the last two have its feed-forward.
+
+    Raises InfeasibleError where a P regulator meets the limits nowhere.
+    """
+    points = schedule.actuator, schedule.design_x, schedule.design_y
+    common = {"loop": schedule.loop, "specification": schedule.specification}
+    proportional = tune_fixed(*points, structure="p", **common)
+    fixed = tune_fixed(*points, structure=schedule.structure, **common)
+    return {
+        "P": replace(proportional, feed_forward=False),
+        "P + feed-forward": replace(proportional, feed_forward=True),
+        "fixed": replace(fixed, feed_forward=schedule.feed_forward),
+        "scheduled": schedule,
+    }
 
 
 def compare(
@@ -42,28 +70,45 @@ def compare(
     schedules: Mapping[str, GainSchedule],
     *,
     scenarios: Sequence[Scenario] | None = None,
-    variants: Literal["nominal", "corners"] = "nominal",
+    variants: str | Mapping[str, Actuator] = "nominal",
 ) -> tuple[Comparison, ...]:
-    """Every schedule against the first one of `schedules`, which are named by their keys; arguments else as in `validate`.
+    """Every schedule against the first one of `schedules`, which are named by their keys.
 
-    Raises InputError for fewer than two schedules, and where no case was brought to its end by a schedule and the baseline.
+    `scenarios` default to the whole `library`; `variants` as in `validate`, where "design" stands for the plants of the first
+    schedule. Raises InputError as `compare_reports` does.
     """
-    if len(schedules) < 2:
-        raise InputError("schedules holds fewer than two; give the baseline first, then those to compare with it.")
-    runs = {}
-    for name, schedule in schedules.items():
-        report = validate(actuator, schedule, scenarios=scenarios, variants=variants, requirements=())
-        runs[name] = {f"{run.scenario.name}; {run.variant}": run.metrics for run in report.runs}
+    _require_two(schedules)
+    first = next(iter(schedules.values()))
+    if scenarios is None:
+        scenarios = library(actuator, first.loop, Ts=first.Ts)
+    tried = {"scenarios": scenarios, "variants": plants_of(actuator, first, variants), "requirements": ()}
+    return compare_reports({name: validate(actuator, schedule, **tried) for name, schedule in schedules.items()})
+
+
+def compare_reports(reports: Mapping[str, ValidationReport]) -> tuple[Comparison, ...]:
+    """Every report against the first one; cases are the same where scenario and variant have the same names.
+
+    Raises InputError for fewer than two reports, and where no case was brought to its end by one and by the baseline.
+    """
+    _require_two(reports)
+    runs = {name: {f"{run.scenario.name}; {run.variant}": run.metrics for run in report.runs} for name, report in reports.items()}
     baseline, *others = runs
     return tuple(_against(baseline, runs[baseline], name, runs[name]) for name in others)
 
 
+def _require_two(named: Mapping) -> None:
+    if len(named) < 2:
+        raise InputError(f"{len(named)} to compare; give at least two: the baseline first, then those to compare with it.")
+
+
 def _against(baseline: str, reference: dict, name: str, found: dict) -> Comparison:
-    cases = [case for case in found if found[case] is not None and reference[case] is not None and reference[case].iae > 0.0]
+    shared = found.keys() & reference.keys()
+    cases = [case for case in found if case in shared and found[case] and reference[case] and reference[case].iae > 0.0]
     if not cases:
         raise InputError(f"no case was brought to its end by both {name!r} and {baseline!r}; there is nothing to compare.")
     ratios = np.array([found[case].iae / reference[case].iae for case in cases])
     best, worst = int(np.argmin(ratios)), int(np.argmax(ratios))
     mean = float(np.exp(np.log(np.maximum(ratios, np.finfo(float).tiny)).mean()))
     extremes = (float(ratios[best]), cases[best], float(ratios[worst]), cases[worst])
-    return Comparison(name, baseline, mean, *extremes, sum(metrics is None for metrics in found.values()))
+    failed, baseline_failed = (sum(runs[case] is None for case in shared) for runs in (found, reference))
+    return Comparison(name, baseline, mean, *extremes, len(cases), failed, baseline_failed)

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from ..actuator import Actuator
-from ..errors import InputError, SimulationError, unknown_name
+from ..errors import InputError, SimulationError
 from ..simulation import Scenario, Trajectory, simulate_closed_loop
 from .metrics import Metrics, measure
-from .scenarios import scale_of, step_scenarios
+from .plants import plants_of
+from .scale import scale_of
+from .scenarios import step_scenarios
 from .verdict import Requirement, Verdict, default_requirements, judge
 
 if TYPE_CHECKING:
     from ..schedule import GainSchedule
-
-VARIATIONS = {"bulk_modulus": 0.3, "mass": 0.5, "supply_pressure": 0.2}
-"""Relative half-widths of the "corners"."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,14 +62,13 @@ def validate(
     schedule: GainSchedule,
     *,
     scenarios: Sequence[Scenario] | None = None,
-    variants: Literal["nominal", "corners"] = "nominal",
+    variants: str | Mapping[str, Actuator] = "nominal",
     requirements: Sequence[Requirement] | None = None,
 ) -> ValidationReport:
     """Simulate every scenario on every variant of the nonlinear plant and judge the requirements.
 
     `scenarios` default to `step_scenarios`, `requirements` to `default_requirements` of the nominal machine and the Mt of the
-    schedule's specification. `variants`: "nominal", or "corners" for the nominal plant and the eight combinations of bulk modulus
-    +-30 %, mass +-50 % and supply pressure +-20 %. A run that fails is in the report with its reason; it raises nothing.
+    schedule's specification. `variants`: see `plants_of`. A run that fails is in the report with its reason; it raises nothing.
     Raises InputError for an unknown loop or variant and for scenarios that do not fit the schedule.
     """
     if scenarios is None:
@@ -80,7 +77,7 @@ def validate(
         raise InputError("scenarios is empty; give at least one, or leave it out for the library's.")
     if requirements is None:
         requirements = default_requirements(scale_of(actuator, schedule.loop), schedule.loop, Mt=schedule.specification.Mt)
-    plants = _variants(actuator, variants)
+    plants = plants_of(actuator, schedule, variants)
     runs = tuple(_run(label, plant, schedule, scenario) for label, plant in plants.items() for scenario in scenarios)
     return ValidationReport(runs, judge(requirements, runs))
 
@@ -91,15 +88,3 @@ def _run(label: str, plant: Actuator, schedule: GainSchedule, scenario: Scenario
     except SimulationError as error:
         return Run(scenario, label, plant, None, None, str(error))
     return Run(scenario, label, plant, trajectory, measure(plant, scenario, trajectory))
-
-
-def _variants(actuator: Actuator, name: str) -> dict[str, Actuator]:
-    if name not in ("nominal", "corners"):
-        raise InputError(unknown_name("variants", name, ("nominal", "corners")))
-    plants = {"nominal": actuator}
-    signs = itertools.product((-1.0, 1.0), repeat=len(VARIATIONS)) if name == "corners" else ()
-    for corner in signs:
-        change = {field: sign * VARIATIONS[field] for field, sign in zip(VARIATIONS, corner, strict=True)}
-        label = ", ".join(f"{field} {100 * part:+.0f} %" for field, part in change.items())
-        plants[label] = actuator.replace(**{field: getattr(actuator, field) * (1.0 + part) for field, part in change.items()})
-    return plants

@@ -2,59 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
 
 from ..actuator import Actuator
-from ..errors import InputError, unknown_name
-from ..frequency import LOOPS
-from ..linearization import linearize
-from ..operating_point import find_operating_points, stall_force
+from ..errors import InputError
+from ..operating_point import stall_force
 from ..simulation.scenario import Scenario
-from ..simulation.trajectory import rest_state
+from ..simulation.trajectory import State
+from .scale import Scale, scale_of
 
 _POSITIONS = (0.15, 0.5, 0.85)
-_SETTLING = {"velocity": 40.0, "position": 80.0}
 _BEFORE = 0.05
-
-
-@dataclass(frozen=True)
-class Scale:
-    """The cylinder's own measures, by which scenarios and requirements are sized."""
-
-    extend_speed: float
-    """m/s at x = 1"""
-    retract_speed: float
-    """m/s at x = -1, positive"""
-    time_constant: float
-    """s: the longest over the stroke of 1/(2 zeta omega_n) and 2 zeta/omega_n of the hydraulic mode. Without a notch no loop
-    reaches a crossover above 2 zeta omega_n."""
-    settling: float
-    """s: 40 (velocity) or 80 (position) of these time constants, in which a step must have settled"""
-    step: float
-    """m/s or m: the library's step within the valve's range, a third of the lower full speed or 2 % of the stroke"""
-
-    def speed(self, direction: float) -> float:
-        """Full speed, signed like `direction`, m/s."""
-        return self.extend_speed if direction > 0.0 else -self.retract_speed
-
-
-def scale_of(actuator: Actuator, loop: str) -> Scale:
-    """The measures of `actuator`. Raises InputError where it cannot move both ways under its own load."""
-    if loop not in LOOPS:
-        raise InputError(unknown_name("loop", loop, LOOPS))
-    points = find_operating_points(actuator, np.array([[-1.0], [1.0]]), np.linspace(0.0, actuator.stroke, 9))
-    if not points.feasible.all():
-        raise InputError(points.reason[~points.feasible][0])
-    poles = linearize(actuator, points).poles()[..., 1:]
-    damping = -poles.sum(axis=-1).real
-    square = np.prod(poles, axis=-1).real
-    time_constant = float(np.maximum(1.0 / damping, damping / square).max())
-    extend, retract = float(points.v[1, 0]), -float(points.v[0, 0])
-    step = min(extend, retract) / 3.0 if loop == "velocity" else 0.02 * actuator.stroke
-    return Scale(extend, retract, time_constant, _SETTLING[loop] * time_constant, step)
+_MOST_SAMPLES = 10_000_000
 
 
 class _Change(NamedTuple):
@@ -78,52 +41,98 @@ def step_scenarios(actuator: Actuator, loop: str, *, Ts: float = 1e-3) -> tuple[
     Velocity: a third of full speed (less where the stroke is too short for it to settle); the saturated one asks for one and a
     half times full speed over 0.3 of the stroke, then for 0.3 of it. Position: 2 % of the stroke; the saturated one half of it.
     """
-    scale = scale_of(actuator, loop)
+    scale = _scale(actuator, loop, Ts)
     make = _velocity_steps if loop == "velocity" else _position_steps
     return tuple(make(actuator, scale, Ts))
 
 
 def tracking_scenarios(actuator: Actuator, loop: str, *, Ts: float = 1e-3) -> tuple[Scenario, ...]:
-    """References to follow and loads to reject, all of kind "tracking": ramp, sine, sweep, load step, start from other pressures.
+    """References to follow and loads to reject, all of kind "tracking": ramps both ways, sine, sweep, load steps both ways, and
+    ramps that start from rest at low and at high pressures.
 
     Amplitudes: a sixth of the lower full speed (velocity), 2 % of the stroke (position); the sine so slow, and the sweep up to a
     frequency so low, that its speed stays below half of full speed and its period above ten time constants of the machine. Load
     steps: a tenth of the smaller stall force. Position scenarios carry the speed reference of their feed-forward.
     """
-    scale = scale_of(actuator, loop)
+    scale = _scale(actuator, loop, Ts)
     speed, amplitude = min(scale.extend_speed, scale.retract_speed), 0.02 * actuator.stroke
     fastest = 1.0 / (10.0 * scale.time_constant)
     f = min(fastest, 0.25 * speed / (2.0 * np.pi * amplitude) if loop == "position" else fastest)
     t = Ts * np.arange(round(max(2.0 / f, 3.0 * scale.settling) / Ts))
     middle, phase = 0.5 * actuator.stroke, 2.0 * np.pi * f * t
     sweep = np.pi * f * t**2 / t[-1]
-    # each entry: the quantity as a fraction of its amplitude, and its derivative in 1/s
-    shapes = {
-        "ramp": (t / t[-1], np.full(t.size, 1.0 / t[-1])),
-        f"sine of {f:.3g} Hz": (np.sin(phase), 2.0 * np.pi * f * np.cos(phase)),
-        f"sweep to {f:.3g} Hz": (np.sin(sweep), 2.0 * np.pi * f * t / t[-1] * np.cos(sweep)),
-        "hold": (np.zeros(t.size), np.zeros(t.size)),
-    }
-    stall = float(np.abs(stall_force(actuator, np.array([1.0, -1.0]))).min())
-    rest = rest_state(actuator, middle)
-    low = rest._replace(p_a=0.5 * rest.p_a, p_b=(0.5 * actuator.area_a * rest.p_a - actuator.load_force) / actuator.area_b)
+    # each shape: the quantity as a fraction of its amplitude, and its derivative in 1/s
+    rise, fall = (t / t[-1], np.full(t.size, 1.0 / t[-1])), (-t / t[-1], np.full(t.size, -1.0 / t[-1]))
+    sine = np.sin(phase), 2.0 * np.pi * f * np.cos(phase)
+    swept = np.sin(sweep), 2.0 * np.pi * f * t / t[-1] * np.cos(sweep)
+    hold = np.zeros(t.size), np.zeros(t.size)
+    force = 0.1 * float(np.abs(stall_force(actuator, np.array([1.0, -1.0]))).min())
+    load = np.where(t < 0.2 * t[-1], 0.0, force)
+    low, high = _balanced_rest(actuator, middle)
 
     def asked(name, shape, **changes):
-        value, rate = shapes[shape]
-        signals = (
-            {"reference": speed / 6.0 * value}
-            if loop == "velocity"
-            else {
-                "reference": middle + amplitude * value,
-                "v_ref": amplitude * rate,
-            }
-        )
+        value, rate = shape
+        if loop == "velocity":
+            signals = {"reference": speed / 6.0 * value}
+        else:
+            signals = {"reference": middle + amplitude * value, "v_ref": amplitude * rate}
         return Scenario(name=name, loop=loop, Ts=Ts, y=middle, **signals, **changes)
 
-    following = [asked(name, name) for name in list(shapes)[:3]]
-    load = np.where(t < 0.2 * t[-1], 0.0, 0.1 * stall)
-    loads = [asked(f"load step of {sign * 0.1 * stall:+.3g} N", "hold", load_force=sign * load) for sign in (1.0, -1.0)]
-    return (*following, *loads, asked("start at half the pressures", "hold", initial=low))
+    return (
+        asked("rising ramp", rise),
+        asked("falling ramp", fall),
+        asked(f"sine of {f:.3g} Hz", sine),
+        asked(f"sweep to {f:.3g} Hz", swept),
+        asked(f"load step of {force:+.3g} N", hold, load_force=load),
+        asked(f"load step of {-force:+.3g} N", hold, load_force=-load),
+        asked("rising ramp from low pressures", rise, initial=low),
+        asked("falling ramp from high pressures", fall, initial=high),
+    )
+
+
+def contact_scenarios(actuator: Actuator, loop: str, *, Ts: float = 1e-3) -> tuple[Scenario, ...]:
+    """Into either end stop, against it until the command has saturated, and away again; kind "saturated".
+
+    Velocity: a step as in `step_scenarios` from 3 % of the stroke before the stop, then back at the same speed. Position: 1 % of
+    the stroke beyond the stop is asked, then 3 % inside. None for a machine without end stops: its pistons would run through.
+    """
+    scale = _scale(actuator, loop, Ts)
+    if actuator.end_stop_stiffness == 0.0:
+        return ()
+    make = _velocity_contact if loop == "velocity" else _position_contact
+    return tuple(make(actuator, scale, Ts, direction) for direction in (1.0, -1.0))
+
+
+def library(actuator: Actuator, loop: str, *, Ts: float = 1e-3) -> tuple[Scenario, ...]:
+    """All of them: `step_scenarios`, `tracking_scenarios` and `contact_scenarios`."""
+    return tuple(
+        scenario for make in (step_scenarios, tracking_scenarios, contact_scenarios) for scenario in make(actuator, loop, Ts=Ts)
+    )
+
+
+def _scale(actuator: Actuator, loop: str, Ts: float) -> Scale:
+    """`scale_of`, after a check that Ts can sample motions of the machine."""
+    scale = scale_of(actuator, loop)
+    if not isinstance(Ts, Real) or isinstance(Ts, bool) or not 0.0 < Ts <= scale.settling / 20.0:
+        raise InputError(
+            f"Ts = {Ts!r} must be a sample time between 0 and {scale.settling / 20.0:.3g} s, a twentieth of the time in which the "
+            "machine settles."
+        )
+    slowest = actuator.stroke / min(scale.extend_speed, scale.retract_speed)
+    if (slowest + 5.0 * scale.settling) / Ts > _MOST_SAMPLES:
+        raise InputError(f"Ts = {Ts:g} s would make scenarios of more than {_MOST_SAMPLES:g} samples; take a longer one.")
+    return scale
+
+
+def _balanced_rest(actuator: Actuator, y: float) -> tuple[State, State]:
+    """Rest at y with pressures that hold the load: 10 and 90 % of the way from the lowest pair to the highest."""
+    a = actuator
+    p_t, p_s = a.tank_pressure, a.supply_pressure
+    lowest = max(p_t, (a.area_b * p_t + a.load_force) / a.area_a)
+    highest = min(p_s, (a.area_b * p_s + a.load_force) / a.area_a)
+    p_a = [lowest + part * (highest - lowest) for part in (0.1, 0.9)]
+    low, high = (State(p, (a.area_a * p - a.load_force) / a.area_b, 0.0, y) for p in p_a)
+    return low, high
 
 
 def _velocity_steps(actuator: Actuator, scale: Scale, Ts: float):
@@ -134,7 +143,7 @@ def _velocity_steps(actuator: Actuator, scale: Scale, Ts: float):
         return Scenario(name=name, kind=kind, loop="velocity", Ts=Ts, reference=reference, y=y, settle_by=scale.settling)
 
     def within_stroke(speed):
-        return np.sign(speed) * min(abs(speed), 0.2 * stroke / duration)
+        return _within_stroke(speed, stroke, duration)
 
     for fraction in _POSITIONS:
         for direction in (1.0, -1.0):
@@ -152,6 +161,34 @@ def _velocity_steps(actuator: Actuator, scale: Scale, Ts: float):
     changes = _Change(_BEFORE, speed), _Change(duration, -speed)
     name = f"reversal from {speed:.3g} to {-speed:.3g} m/s"
     yield asked(name, "reversal", 0.5 * stroke, duration + 1.5 * scale.settling, *changes)
+
+
+def _within_stroke(speed: float, stroke: float, duration: float) -> float:
+    """`speed`, or less where it would take the piston further than a fifth of the stroke."""
+    return math.copysign(min(abs(speed), 0.2 * stroke / duration), speed)
+
+
+def _velocity_contact(actuator: Actuator, scale: Scale, Ts: float, direction: float) -> Scenario:
+    stroke = actuator.stroke
+    speed = _within_stroke(scale.speed(direction) / 3.0, stroke, _BEFORE + 1.5 * scale.settling)
+    y = (0.97 if direction > 0.0 else 0.03) * stroke
+    back = _BEFORE + 0.03 * stroke / abs(speed) + scale.settling
+    changes = _Change(_BEFORE, speed), _Change(back, -speed)
+    reference = _piecewise(Ts, back + 1.5 * scale.settling, 0.0, changes)
+    name = f"into the end stop at y = {stroke if direction > 0.0 else 0.0:g} m and back"
+    return Scenario(name=name, kind="saturated", loop="velocity", Ts=Ts, reference=reference, y=y, settle_by=scale.settling)
+
+
+def _position_contact(actuator: Actuator, scale: Scale, Ts: float, direction: float) -> Scenario:
+    stroke = actuator.stroke
+    end = stroke if direction > 0.0 else 0.0
+    travel = 0.04 * stroke / min(scale.extend_speed, scale.retract_speed)
+    back, settle_by = _BEFORE + travel + 2.0 * scale.settling, travel + scale.settling
+    changes = _Change(_BEFORE, end + 0.01 * direction * stroke), _Change(back, end - 0.03 * direction * stroke)
+    y = end - 0.02 * direction * stroke
+    reference = _piecewise(Ts, back + settle_by + 0.5 * scale.settling, y, changes)
+    name = f"into the end stop at y = {end:g} m and back"
+    return Scenario(name=name, kind="saturated", loop="position", Ts=Ts, reference=reference, y=y, settle_by=settle_by)
 
 
 def _position_steps(actuator: Actuator, scale: Scale, Ts: float):

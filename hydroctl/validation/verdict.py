@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+
+import numpy as np
 
 from ..actuator import Actuator
 from ..simulation.scenario import Scenario
 from .metrics import BAND, Metrics
-from .scenarios import Scale
+from .scale import Scale
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,8 @@ class Verdict:
     """whether `limit` is a minimum"""
 
     def __str__(self) -> str:
+        if np.isnan(self.achieved):
+            return f"FAIL  {self.name}: cannot be judged, the motion has no such number  ({self.scenario}; {self.variant})"
         sign, word = (("<=", ">=")[self.at_least], "pass") if self.passed else ((">", "<")[self.at_least], "FAIL")
         where = f"{self.scenario}; {self.variant}"
         return f"{word}  {self.name}: {self.achieved:.4g} {sign} {self.limit:.4g} {self.unit}".rstrip() + f"  ({where})"
@@ -90,10 +93,16 @@ def default_requirements(scale: Scale, loop: str, *, Mt: float = 1.3) -> tuple[R
     )
 
 
+def excess_of(achieved, limit):
+    """By how much `achieved` passes `limit`, for numbers or arrays; infinite where there is nothing to judge (NaN)."""
+    return np.where(np.isnan(achieved), np.inf, np.subtract(achieved, limit))
+
+
 def judge(requirements: Iterable[Requirement], runs) -> tuple[Verdict, ...]:
     """A verdict for each requirement that some run is subject to, and one for the runs that did not reach their end.
 
-    A run has `.scenario`, `.variant`, `.actuator`, `.metrics` and `.reason`.
+    A run has `.scenario`, `.variant`, `.actuator`, `.metrics` and `.reason`. A requirement whose metric a run does not have (NaN:
+    there is no step, or it ends before it should have settled) is not met.
     """
     ended = [run for run in runs if not run.reason]
     verdicts = []
@@ -101,10 +110,10 @@ def judge(requirements: Iterable[Requirement], runs) -> tuple[Verdict, ...]:
         cases = [
             (requirement.achieved(run.metrics), requirement.limit(run.scenario, run.actuator), run)
             for run in ended
-            if run.scenario.kind in requirement.kinds and not math.isnan(requirement.achieved(run.metrics))
+            if run.scenario.kind in requirement.kinds
         ]
         if cases:
-            achieved, limit, run = max(cases, key=lambda case: case[0] - case[1])
+            achieved, limit, run = max(cases, key=lambda case: excess_of(*case[:2]))
             common = (requirement.name, requirement.unit, requirement.reason, limit, achieved, achieved <= limit)
             verdicts.append(Verdict(*common, run.scenario.name, run.variant))
     failed = [run for run in runs if run.reason]
