@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -38,18 +39,36 @@ def design(
     actuator: ActuatorArgument = "reference",
     directory: Annotated[Path, typer.Option("-o", "--output", help="where the results go")] = Path("hydroctl-out"),
     loop: Annotated[Loop, typer.Option(help="what is controlled")] = Loop.velocity,
-    structure: Annotated[str, typer.Option(help="p, pi or pid, each with or without +notch")] = "pi",
+    structure: Annotated[str, typer.Option(help="p, pi or pid; with +lead or +lead-lag; with +notch")] = "pi",
     uncertainty: Annotated[str, typer.Option(help="plants the margins must hold on: corners or nominal")] = "corners",
     Ms: Annotated[float, typer.Option("--Ms", help="largest sensitivity")] = 1.6,
     Mt: Annotated[float, typer.Option("--Mt", help="largest complementary sensitivity")] = 1.3,
     sample_time: Annotated[float, typer.Option(help="sample time in s")] = 1e-3,
     delay: Annotated[float, typer.Option(help="delay from measurement to valve command, in samples")] = 1.0,
+    gain_margin: Annotated[float | None, typer.Option(help="least gain margin, a factor")] = None,
+    phase_margin: Annotated[float | None, typer.Option(help="least phase margin in degrees")] = None,
+    min_crossover: Annotated[float | None, typer.Option(help="least crossover in rad/s")] = None,
+    measurement_filter: Annotated[float, typer.Option(help="time of a filter of the measured quantity in s")] = 0.0,
+    pressure_compensation: Annotated[bool, typer.Option(help="undo what the load does to the gain; needs p_a and p_b")] = False,
+    dead_band_inverse: Annotated[float, typer.Option(help="share of the valve's dead band to jump over, 0 to 1")] = 0.0,
     as_json: JsonOption = False,
 ) -> None:
     """Design a gain schedule, prove its margins, try it on the nonlinear plant, and write schedule, figures and summary."""
     from .files import require_writable
 
-    specification = hydroctl.Specification(sample_time=sample_time, delay_samples=delay, Ms=Ms, Mt=Mt, uncertainty=uncertainty)
+    specification = hydroctl.Specification(
+        sample_time=sample_time,
+        delay_samples=delay,
+        Ms=Ms,
+        Mt=Mt,
+        gain_margin=gain_margin,
+        phase_margin=None if phase_margin is None else math.radians(phase_margin),
+        min_crossover=min_crossover,
+        uncertainty=uncertainty,
+        measurement_filter=measurement_filter,
+        pressure_compensation=pressure_compensation,
+        dead_band_inverse=dead_band_inverse,
+    )
     machine = hydroctl.load_actuator(actuator)
     require_writable(directory)
     result = hydroctl.design(machine, loop=loop.value, structure=structure, specification=specification)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from .actuator import Actuator
-from .errors import InputError
+from .errors import InfeasibleError, InputError
 from .files import make_directory, write_file
 from .linearization import LinearFamily, linearize
 from .operating_point import OperatingPoints, find_operating_points
@@ -22,7 +23,16 @@ from .specification import Specification
 from .summary import summarize, to_dict
 from .surfaces import PoorFitWarning, fit_surfaces
 from .tuning import default_points, tune, tune_fixed
-from .validation import ValidationReport, Verdict, validate
+from .validation import (
+    Standing,
+    ValidationReport,
+    Verdict,
+    proportional_rivals,
+    standings,
+    step_scenarios,
+    tracking_scenarios,
+    validate,
+)
 from .verdicts import margin_verdicts
 
 _BETWEEN = np.array([0.1, 0.2, 0.4, 0.6, 0.8])
@@ -56,9 +66,21 @@ def design(
     verdicts = stage("margins", lambda: margin_verdicts(schedule))
     validation = stage("validation", lambda: validate(actuator, schedule))
     fixed_validation = stage("validation of the fixed regulator", lambda: validate(actuator, fixed))
-    return Design(
-        actuator, points, family, reduced, model, remarks, schedule, fixed, verdicts, validation, fixed_validation, seconds
-    )
+    comparison = stage("comparison", lambda: _against_rivals(schedule, fixed))
+    evidence = (verdicts, validation, fixed_validation, comparison)
+    return Design(actuator, points, family, reduced, model, remarks, schedule, fixed, *evidence, seconds)
+
+
+def _against_rivals(schedule: GainSchedule, fixed: GainSchedule) -> dict[str, Standing]:
+    """How `schedule`, a bare P and a P with feed-forward stand against `fixed`: steps, ramps, sines and loads on all plants of
+    the design."""
+    schedules = {"fixed": fixed, "scheduled": schedule}
+    with suppress(InfeasibleError):
+        schedules |= proportional_rivals(schedule)
+    machine, common = schedule.actuator, {"Ts": schedule.Ts}
+    scenarios = [*step_scenarios(machine, schedule.loop, **common), *tracking_scenarios(machine, schedule.loop, **common)]
+    asked = {"scenarios": scenarios, "variants": "design", "requirements": ()}
+    return standings({name: validate(machine, each, **asked) for name, each in schedules.items()})
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +102,8 @@ class Design:
     margin_verdicts: tuple[Verdict, ...]
     validation: ValidationReport
     fixed_validation: ValidationReport
+    comparison: dict[str, Standing]
+    """"scheduled", and "P" and "P + feed-forward" where a P can meet the limits: their IAE over that of the fixed regulator"""
     seconds: dict[str, float]
     """time that each stage took"""
 

@@ -32,7 +32,17 @@ def test_the_fixed_regulator_stands_beside_the_schedule(designed):
     scheduled = designed.schedule.gains(designed.schedule.design_x[:, None], designed.schedule.design_y).ki
     assert designed.fixed.ki.item() <= scheduled.mean()
     assert "fixed" in designed.summary()
-    assert 0.5 < designed.to_dict()["scheduled_over_fixed_iae"] < 1.05
+    for found in designed.to_dict()["iae_over_fixed"].values():
+        assert 0.0 < found["nominal"] <= found["worst"]
+    assert designed.to_dict()["iae_over_fixed"]["scheduled"]["worst"] < 1.05
+
+
+def test_a_bare_p_and_a_p_with_feed_forward_stand_beside_the_schedule(designed):
+    for name in ("scheduled", "P", "P + feed-forward"):
+        assert f"  {name} " in designed.summary()
+    assert designed.comparison["P"].nominal.mean > designed.comparison["P + feed-forward"].nominal.mean
+    assert designed.comparison["P"].worst_variant in designed.schedule.margins.variants
+    assert designed.comparison["P"].nominal.cases == 17
 
 
 def test_the_nonlinear_trial_covers_three_positions_both_directions_and_saturation(designed):

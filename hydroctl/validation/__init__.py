@@ -1,7 +1,7 @@
 """Validation on the nonlinear plant: scenarios, metrics, requirements and the verdict on each."""
 
 from .campaigns import CampaignResult, campaign, replay
-from .comparison import Comparison, compare, compare_reports, rivals
+from .comparison import Comparison, Standing, compare, compare_reports, proportional_rivals, rivals, standings
 from .metrics import Metrics, measure
 from .report import Run, ValidationReport, validate
 from .scale import Scale, scale_of
@@ -15,6 +15,7 @@ __all__ = [
     "Requirement",
     "Run",
     "Scale",
+    "Standing",
     "ValidationReport",
     "Verdict",
     "campaign",
@@ -24,9 +25,11 @@ __all__ = [
     "default_requirements",
     "library",
     "measure",
+    "proportional_rivals",
     "replay",
     "rivals",
     "scale_of",
+    "standings",
     "step_scenarios",
     "tracking_scenarios",
     "validate",

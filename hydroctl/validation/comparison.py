@@ -46,23 +46,29 @@ class Comparison:
 
 
 def rivals(schedule: GainSchedule) -> dict[str, GainSchedule]:
-    """`schedule` after what it must beat, for `compare`: "P", a bare proportional regulator; "P + feed-forward"; "fixed", one
-    regulator of the schedule's own structure; "scheduled".
+    """`schedule` after what it must beat, for `compare`: `proportional_rivals`, "fixed", one regulator of the schedule's own
+    structure and feed-forward, and "scheduled".
 
-    All are tuned to the schedule's specification on all of its plants and design points; the last two have its feed-forward.
-
-    Raises InfeasibleError where a P regulator meets the limits nowhere.
+    All are tuned to the schedule's specification on all of its plants and design points. Raises InfeasibleError where one of them
+    meets the limits nowhere.
     """
-    points = schedule.actuator, schedule.design_x, schedule.design_y
-    common = {"loop": schedule.loop, "specification": schedule.specification}
-    proportional = tune_fixed(*points, structure="p", **common)
-    fixed = tune_fixed(*points, structure=schedule.structure, **common)
+    fixed = _fixed(schedule, schedule.structure)
     return {
-        "P": replace(proportional, feed_forward=False),
-        "P + feed-forward": replace(proportional, feed_forward=True),
+        **proportional_rivals(schedule),
         "fixed": replace(fixed, feed_forward=schedule.feed_forward),
         "scheduled": schedule,
     }
+
+
+def proportional_rivals(schedule: GainSchedule) -> dict[str, GainSchedule]:
+    """ "P", a bare proportional regulator to the specification of `schedule`, and "P + feed-forward". Raises InfeasibleError."""
+    proportional = _fixed(schedule, "p")
+    return {"P": replace(proportional, feed_forward=False), "P + feed-forward": replace(proportional, feed_forward=True)}
+
+
+def _fixed(schedule: GainSchedule, structure: str) -> GainSchedule:
+    points = schedule.actuator, schedule.design_x, schedule.design_y
+    return tune_fixed(*points, loop=schedule.loop, structure=structure, specification=schedule.specification)
 
 
 def compare(
@@ -94,6 +100,30 @@ def compare_reports(reports: Mapping[str, ValidationReport]) -> tuple[Comparison
     runs = {name: {f"{run.scenario.name}; {run.variant}": run.metrics for run in report.runs} for name, report in reports.items()}
     baseline, *others = runs
     return tuple(_against(baseline, runs[baseline], name, runs[name]) for name in others)
+
+
+@dataclass(frozen=True)
+class Standing:
+    """One schedule against the baseline, on the first variant (the nominal plant) and on that where its mean ratio is largest."""
+
+    nominal: Comparison
+    worst: Comparison
+    worst_variant: str
+
+
+def standings(reports: Mapping[str, ValidationReport]) -> dict[str, Standing]:
+    """By name, every report against the first one, variant by variant. Raises InputError as `compare_reports` does."""
+    labels = list(dict.fromkeys(run.variant for report in reports.values() for run in report.runs))
+    each = {label: compare_reports({name: _part(report, label) for name, report in reports.items()}) for label in labels}
+    found = {}
+    for k, name in enumerate(list(reports)[1:]):
+        worst = max(labels, key=lambda label, k=k: each[label][k].mean)
+        found[name] = Standing(each[labels[0]][k], each[worst][k], worst)
+    return found
+
+
+def _part(report: ValidationReport, variant: str) -> ValidationReport:
+    return ValidationReport(tuple(run for run in report.runs if run.variant == variant), ())
 
 
 def _require_two(named: Mapping) -> None:
