@@ -2,7 +2,7 @@
 
 Grammar: one number with a decimal point, then one unit (`bar`, `L/min`, `N*s/m`, `cm^2`, `1/s`). A decimal comma, a range,
 a plus-minus sign or a second quantity ("40 L/min @ 70 bar") is an error, because each of them has more than one reading.
-A frequency in Hz is a cycle frequency: `"50 Hz"` becomes 314.159 rad/s. A gallon is the US liquid gallon.
+A frequency in Hz is a cycle frequency: `"50 Hz"` becomes 314.159 rad/s.
 """
 
 from __future__ import annotations
@@ -37,27 +37,13 @@ _EXAMPLES = {
 }
 
 
-_DEFINITIONS = (
-    "nano- = 1e-9 = n-; micro- = 1e-6 = u- = µ- = μ-; milli- = 1e-3 = m-; centi- = 1e-2 = c-; deci- = 1e-1 = d-",
-    "hecto- = 1e2 = h-; kilo- = 1e3 = k-; mega- = 1e6 = M-; giga- = 1e9 = G-",
-    "meter = [length] = m = metre; inch = 0.0254 * m = in; foot = 12 * inch = ft",
-    "second = [time] = s; minute = 60 * s = min; hour = 3600 * s = h",
-    "gram = [mass] = g; tonne = 1e6 * g = t; pound = 453.59237 * g = lb",
-    "radian = [] = rad; turn = 6.283185307179586476925286766559 * rad; degree = turn / 360 = deg = °; percent = 0.01 = %",
-    "hertz = turn / s = Hz; rpm = turn / min",
-    "liter = 1e-3 * m ** 3 = L = l = litre; gallon = 231 * inch ** 3 = gal; gpm = gallon / min",
-    "newton = 1e3 * g * m / s ** 2 = N; kgf = 9.80665 * N; lbf = 4.4482216152605 * N; joule = N * m = J; watt = J / s = W",
-    "pascal = N / m ** 2 = Pa; bar = 1e5 * Pa; atm = 101325 * Pa; psi = lbf / inch ** 2",
-)
-
-
 @cache
 def _registry():
-    """The units of data sheets; pint's own list, of a thousand, takes a second to load."""
     import pint
 
-    definitions = [line for group in _DEFINITIONS for line in group.split("; ")]
-    return pint.UnitRegistry(definitions, non_int_type=Decimal)
+    registry = pint.UnitRegistry(on_redefinition="ignore", non_int_type=Decimal)
+    registry.define("hertz = turn / second = Hz")
+    return registry
 
 
 def to_si(field: str, value: object, unit: str) -> float:

@@ -24,13 +24,14 @@ LAYERS = (
     ("identification",),
     ("regulators", "specification"),
     ("margins",),
-    ("schedule_document",),
+    ("simulation",),
+    ("test_vectors", "schedule_document"),
     ("schedule_file",),
     ("schedule",),
     ("tuning",),
-    ("simulation",),
     ("validation", "synchronization"),
-    ("export", "testing", "verdicts"),
+    ("testing", "verdicts"),
+    ("export",),
     ("plotting",),
     ("report",),
     ("summary",),
@@ -46,11 +47,17 @@ def _part(path: Path) -> str:
     return path.relative_to(PACKAGE).with_suffix("").parts[0]
 
 
+def _is_for_type_checkers(node) -> bool:
+    return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+
+
 def _imported_parts(path: Path):
-    """Top-level parts of hydroctl that a file imports, wherever in the file."""
+    """Top-level parts of hydroctl that a file imports when it runs, wherever in the file."""
     package = ("hydroctl", *path.relative_to(PACKAGE).with_suffix("").parts[:-1])
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.ImportFrom):
+    tree = ast.parse(path.read_text())
+    only_types = {id(node) for block in ast.walk(tree) if _is_for_type_checkers(block) for node in ast.walk(block)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and id(node) not in only_types:
             base = package[: len(package) - node.level + 1] if node.level else ()
             target = (*base, *(node.module.split(".") if node.module else ()))
             if target[:1] == ("hydroctl",):

@@ -33,7 +33,7 @@ from typing import NamedTuple
 import numpy as np
 
 LEAST_RATIO, MOST_RATIO = 0.4, 3.0
-_LEAST_DROP = 1.0
+LEAST_DROP = 1.0
 """Pa; keeps the root of a pressure drop real"""
 
 
@@ -224,8 +224,8 @@ def pressure_ratio(opening, y, p_a, p_b, regulator):
     extends = opening >= 0.0
     drop_a = np.where(extends, k.supply_pressure - p_a, p_a - k.tank_pressure)
     drop_b = np.where(extends, p_b - k.tank_pressure, k.supply_pressure - p_b)
-    root_a = np.sqrt(np.where(drop_a > _LEAST_DROP, drop_a, _LEAST_DROP))
-    root_b = np.sqrt(np.where(drop_b > _LEAST_DROP, drop_b, _LEAST_DROP))
+    root_a = np.sqrt(np.where(drop_a > LEAST_DROP, drop_a, LEAST_DROP))
+    root_b = np.sqrt(np.where(drop_b > LEAST_DROP, drop_b, LEAST_DROP))
     reference_a = np.sqrt(np.where(extends, k.extend_drop_a, k.retract_drop_a))
     reference_b = np.sqrt(np.where(extends, k.extend_drop_b, k.retract_drop_b))
     inside = np.where(y < 0.0, 0.0, np.where(y > k.stroke, k.stroke, y))

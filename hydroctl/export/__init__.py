@@ -1,0 +1,1 @@
+"""Schedules in the forms that machines and other programs take."""

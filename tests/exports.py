@@ -1,0 +1,124 @@
+"""Schedules to export, and long random runs of their law in closed loop, for the tests of every target."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from plain import butcher, law, motion
+
+import hydroctl as hc
+from hydroctl import plant
+from hydroctl.export.contents import Contents, contents_of
+from hydroctl.schedule import GainSchedule
+from hydroctl.test_vectors import law_of
+
+REFERENCE = hc.load_actuator("reference")
+OVERLAPPED = REFERENCE.replace(dead_band=0.05, name="overlapped")
+STEP, RESET, START = 0.0, 1.0, 2.0
+
+
+def exported(loop="velocity", structure="pi+notch", *, scale=1.0, actuator=REFERENCE, **settings) -> GainSchedule:
+    """A schedule with gains that differ at every node; `settings` go to its specification."""
+    x, y = np.array([-1.0, -0.1, 0.1, 1.0]), np.array([0.0, 0.2, 0.5])
+    spread = scale * (1.0 + 0.1 * np.arange(12).reshape(4, 3) / 12)
+    kp, ki, kd = (0.8, 300.0, 4e-4) if loop == "velocity" else (40.0, 900.0, 0.02)
+    notch, sections = "notch" in structure, {"lead-lag": 2, "lead": 1}
+    count = next((n for name, n in sections.items() if name in structure), 0)
+    gains = structure.split("+")[0]
+    drops = np.array([[2.2e7, 2.9e7], [2.8e7, 2.0e7]]) if settings.get("pressure_compensation") else None
+    return GainSchedule(
+        actuator=actuator,
+        specification=hc.Specification(uncertainty="nominal", Ms=50.0, Mt=50.0, **settings),
+        loop=loop,
+        structure=structure,
+        x=x,
+        y=y,
+        design_x=x,
+        design_y=y,
+        kp=kp * spread,
+        ki=ki * spread if "i" in gains else np.zeros((4, 3)),
+        kd=kd * spread if "d" in gains else np.zeros((4, 3)),
+        notch_frequency=540.0 * (spread / scale),
+        zz=0.2 if notch else 0.8,
+        zp=0.8,
+        sections=((0.5, 3.0), (0.05, 0.02))[:count],
+        Tt=0.02,
+        feed_forward=structure != "p",
+        speed_gain_extend=0.1516,
+        speed_gain_retract=0.1408,
+        speed_offset_extend=0.0006,
+        speed_offset_retract=-0.0006,
+        pressure_drops=drops,
+    )
+
+
+FULL = {
+    "measurement_filter": 3e-4,
+    "set_point_weight": 0.9,
+    "derivative_on": "measurement",
+    "pressure_compensation": True,
+    "dead_band_inverse": 0.8,
+    "actuator": OVERLAPPED,
+}
+CASES = {
+    "velocity pi+notch": {},
+    "velocity p": {"structure": "p"},
+    "velocity pid+lead": {"structure": "pid+lead", "pressure_compensation": True},
+    "position pid": {"loop": "position", "structure": "pid", "measurement_filter": 2e-4},
+    "position pid+lead-lag+notch": {"loop": "position", "structure": "pid+lead-lag+notch", **FULL},
+}
+
+
+def closed_loop(schedules, samples: int, seed: int = 1):
+    """(operations (n, 9), x (n,)): what happened in a closed loop of the plant in Python, and the law's answers.
+
+    A row: STEP, RESET or START; which schedule; x of a START; reference, v_ref, p_a, p_b, v, y. A START is followed by a step
+    with the same inputs. Every input is a number of single precision, which every target can read.
+    """
+    rng = np.random.default_rng(seed)
+    actuator, loop = schedules[0].actuator, schedules[0].loop
+    regulators = [law_of(schedule) for schedule in schedules]
+    p = plant.parameters(actuator)
+    z, which, memory = tuple(hc.rest_state(actuator, 0.25)), 0, law.AT_REST
+    size, target, v_ref, load = (0.1, 0.0, 0.0, 0.0) if loop == "velocity" else (0.004, 0.0, 0.0, 0.0)
+    rows, answers = [], []
+    for k in range(samples):
+        if k % 40 == 0:
+            target = size * rng.choice([0.2, 1.0, 3.0]) * rng.uniform(-1.0, 1.0)
+            v_ref, load = rng.choice([0.0, 0.05]) * rng.uniform(-1.0, 1.0), 1e5 * rng.uniform(-1.0, 1.0)
+        y_target = min(max(z[3] + target, 0.05), 0.45)
+        reference = target * (1.0 if 0.05 < z[3] < 0.45 else -np.sign(target * (z[3] - 0.25))) if loop == "velocity" else y_target
+        inputs = np.array([reference, v_ref, *z[:4]])
+        if rng.random() < 0.01:
+            inputs[rng.choice([0, 1, 5])] = rng.choice([np.nan, np.inf, -np.inf])
+        inputs = inputs.astype(np.float32).tolist()
+        event = rng.random()
+        if event < 0.005:
+            rows.append([RESET, which, 0.0, *inputs])
+            memory = law.AT_REST
+            answers.append(0.0)
+        elif event < 0.015 and np.isfinite(inputs).all():
+            start = float(np.float32(rng.uniform(-1.0, 1.0)))
+            if event < 0.01:
+                which, start = 1 - which, float(np.float32(memory.x))
+            rows.append([START, which, start, *inputs])
+            memory = law.start(start, inputs[0], inputs[1], inputs[2:], regulators[which])
+            answers.append(start)
+        rows.append([STEP, which, 0.0, *inputs])
+        memory = law.sample(inputs[0], inputs[1], inputs[2:], memory, regulators[which])
+        answers.append(float(memory.x))
+        z = motion.told(z, answers[-1], p)
+        z = butcher.step(z, answers[-1], load, p, schedules[0].Ts)
+    return np.array(rows, dtype=float), np.array(answers)
+
+
+def exported_pair(case: str) -> tuple[GainSchedule, GainSchedule]:
+    """Two schedules of a case, to change between."""
+    return exported(**CASES[case]), exported(scale=0.7, **CASES[case])
+
+
+@cache
+def contents(case: str) -> Contents:
+    """What an export of the first of the pair starts from."""
+    return contents_of(exported(**CASES[case]), force=True)

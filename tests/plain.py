@@ -1,0 +1,37 @@
+"""The project's equations as plain Python on floats, without arrays: the same lines, with `math` in the place of numpy."""
+
+from __future__ import annotations
+
+import math
+from types import FunctionType, ModuleType, SimpleNamespace
+
+from hydroctl import plant as _plant
+from hydroctl.simulation import butcher as _butcher
+from hydroctl.simulation import law as _law
+from hydroctl.simulation import motion as _motion
+
+_NUMPY = SimpleNamespace(
+    abs=abs,
+    copysign=lambda size, sign: abs(size) if sign >= 0.0 else -abs(size),
+    isfinite=math.isfinite,
+    maximum=max,
+    minimum=min,
+    real=lambda value: value,
+    sqrt=math.sqrt,
+    tan=math.tan,
+    where=lambda condition, yes, no: yes if condition else no,
+)
+
+
+def _plain(module: ModuleType, **replaced) -> SimpleNamespace:
+    names = vars(module) | {"np": _NUMPY} | replaced
+    for name, value in vars(module).items():
+        if isinstance(value, FunctionType) and value.__module__ == module.__name__ and name not in replaced:
+            names[name] = FunctionType(value.__code__, names, name, value.__defaults__)
+    return SimpleNamespace(**names)
+
+
+law = _plain(_law)
+plant = _plain(_plant)
+motion = _plain(_motion, plant=plant)
+butcher = _plain(_butcher, plus=motion.plus, slope=motion.slope)
