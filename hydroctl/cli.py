@@ -142,6 +142,22 @@ def identify(
     typer.echo("\n".join([fit, found.model.table(), *found.restrictions]))
 
 
+@app.command()
+def report(
+    schedule: Annotated[Path, typer.Argument(help="a schedule.json that `hydroctl design` wrote")],
+    path: Annotated[Path, typer.Option("-o", "--output", help="the HTML file to write")] = Path("report.html"),
+) -> None:
+    """Write the report page of a schedule: verdicts, maps, motions, and an explorer of its loop, in one HTML file."""
+    from .report import write_report
+
+    loaded = hydroctl.load_schedule(schedule)
+    validation = hydroctl.validate(loaded.actuator, loaded)
+    settings = {"loop": loaded.loop, "structure": loaded.structure, "specification": loaded.specification}
+    fixed = hydroctl.tune_fixed(loaded.actuator, loaded.design_x, loaded.design_y, **settings)
+    write_report(path, loaded, validation, beside={"fixed": fixed})
+    typer.echo(f"written to {path}")
+
+
 def _pairs(option: str, given: list[str] | None) -> dict[str, str]:
     pairs = [text.partition("=") for text in given or ()]
     if wrong := [name for name, sign, value in pairs if not (sign and value)]:

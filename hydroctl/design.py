@@ -121,9 +121,10 @@ class Design:
         return to_dict(self)
 
     def save(self, directory: str | Path) -> list[Path]:
-        """Write schedule.json, margins.csv, summary.txt and the figures (PNG and SVG), among them one
-        step and one saturated motion. Raises InputError where it cannot."""
+        """Write schedule.json, margins.csv, summary.txt, report.html and the figures (PNG and SVG), among them one step and one
+        saturated motion. Raises InputError where it cannot."""
         from .plotting import design_figures, save_figures
+        from .report import write_report
 
         directory = make_directory(directory)
         finished = [run for run in reversed(self.validation.runs) if run.trajectory is not None]
@@ -133,6 +134,9 @@ class Design:
             self.schedule.save(directory / "schedule.json"),
             write_file(directory / "margins.csv", self.schedule.margins.to_csv().encode()),
             write_file(directory / "summary.txt", (self.summary() + "\n").encode()),
+            write_report(
+                directory / "report.html", self.schedule, self.validation, beside={"fixed": self.fixed}, remarks=self.remarks
+            ),
             *save_figures(design_figures(self.family, self.schedule, motions), directory),
         ]
 

@@ -1,0 +1,144 @@
+"""`write_report`: everything that a design is judged by, in one HTML file that needs no network."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from pathlib import Path
+
+from .. import __version__
+from ..actuator import PARAMETERS
+from ..errors import InputError
+from ..files import write_file
+from ..margins import MARGIN_UNITS
+from ..schedule import GainSchedule
+from ..schedule_file import document_of
+from ..validation import Comparison, ValidationReport, compare, validate
+from ..verdicts import margin_verdicts
+from .explorer import explorer_data
+from .figures import map_data, trace_data
+
+_SCRIPTS = ("linear_algebra.js", "loop.js", "chart.js", "figures.js", "explorer.js")
+_SHOWN = {
+    "1": (1.0, ""),
+    "Pa": (1e-5, "bar"),
+    "rad": (180.0 / math.pi, "degrees"),
+    "rad/s": (0.5 / math.pi, "Hz"),
+}
+"""(factor, unit) for the reader, by SI unit"""
+_MARGIN_NAMES = {
+    "Ms": "Ms, largest sensitivity",
+    "Mt": "Mt, largest complementary sensitivity",
+    "gain_margin": "gain margin",
+    "phase_margin": "phase margin",
+    "delay_margin": "delay margin",
+    "crossover": "crossover",
+}
+
+
+def write_report(
+    path: str | Path,
+    schedule: GainSchedule,
+    validation: ValidationReport,
+    *,
+    beside: Mapping[str, GainSchedule] | None = None,
+    remarks: Sequence[str] = (),
+) -> Path:
+    """Write the page on `schedule` and its `validation` to `path`, atomically, as one HTML file.
+
+    `beside`: other schedules for the same machine, loop and sampling, by name, that are tried in the same scenarios; the first is
+    the baseline of the comparison. `remarks`: sentences that stand under the verdict. Raises InputError where a schedule does not
+    fit the first or the file cannot be written.
+    """
+    return write_file(path, page(schedule, validation, beside=beside, remarks=remarks).encode())
+
+
+def page(
+    schedule: GainSchedule,
+    validation: ValidationReport,
+    *,
+    beside: Mapping[str, GainSchedule] | None = None,
+    remarks: Sequence[str] = (),
+) -> str:
+    """The text of the page of `write_report`."""
+    import jinja2
+    from markupsafe import Markup
+
+    beside = dict(beside or {})
+    _require_alike(schedule, beside)
+    scenarios = [run.scenario for run in validation.runs if run.variant == validation.runs[0].variant]
+    reports = {name: validate(other.actuator, other, scenarios=scenarios) for name, other in beside.items()}
+    verdicts = (*margin_verdicts(schedule), *validation.verdicts)
+    source = files("hydroctl.report").joinpath("templates")
+    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined)
+    environment.filters.update(short=short, shown=shown, shown_unit=shown_unit)
+    template = environment.from_string(source.joinpath("page.html").read_text("utf-8"))
+    return template.render(
+        schedule=schedule,
+        version=__version__,
+        passed=all(verdict.passed for verdict in verdicts),
+        remarks=remarks,
+        verdicts=verdicts,
+        worst=[(_MARGIN_NAMES[name], schedule.margins.worst(name), unit) for name, unit in MARGIN_UNITS.items()],
+        comparison=_comparison(schedule, beside, scenarios),
+        specification=_specification(schedule),
+        parameters=_parameters(schedule),
+        law=document_of(schedule).controller.law,
+        data={
+            "explorer": explorer_data({"scheduled": schedule} | beside),
+            "map": map_data(schedule),
+            "traces": trace_data({"scheduled": validation} | reports),
+        },
+        styles=Markup(source.joinpath("page.css").read_text("utf-8")),
+        scripts=Markup("\n".join(source.joinpath(name).read_text("utf-8") for name in _SCRIPTS)),
+    )
+
+
+def shown(value: float, unit: str) -> str:
+    """`short` of an SI value in the unit that engineers read, `shown_unit`."""
+    return short(value * _SHOWN.get(unit, (1.0, ""))[0])
+
+
+def shown_unit(unit: str) -> str:
+    """What stands beside `shown`; nothing for a pure number."""
+    return _SHOWN[unit][1] if unit in _SHOWN else unit
+
+
+def short(value) -> str:
+    """A value as a table shows it: numbers in four digits, infinite ones as a sign, anything else as text."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return str(value)
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    return f"{value:.4g}".replace("-", "−")
+
+
+def _require_alike(schedule: GainSchedule, beside: Mapping[str, GainSchedule]) -> None:
+    def kind(one: GainSchedule):
+        return one.loop, one.Ts, one.delay_samples, one.actuator.parameters()
+
+    if strange := [name for name, other in beside.items() if kind(other) != kind(schedule)]:
+        raise InputError(f"schedule {name!r} is for another machine, loop or sampling; compare what is alike." for name in strange)
+
+
+def _comparison(schedule: GainSchedule, beside: Mapping[str, GainSchedule], scenarios) -> tuple[list[str], list[list]]:
+    """(heads, rows) of the table in which all schedules stand against the first of `beside`."""
+    heads = [field.name.replace("_", " ") for field in dataclasses.fields(Comparison)]
+    if not beside:
+        return heads, []
+    found = compare(schedule.actuator, beside | {"scheduled": schedule}, scenarios=scenarios)
+    return heads, [list(dataclasses.astuple(each)) for each in found]
+
+
+def _specification(schedule: GainSchedule) -> dict[str, object]:
+    """Name and value of every limit and setting that is given."""
+    given = dataclasses.asdict(schedule.specification)
+    return {name.replace("_", " "): value for name, value in given.items() if value is not None}
+
+
+def _parameters(schedule: GainSchedule) -> list[tuple[str, float, str]]:
+    """(name, value, unit) of the machine, as far as stated."""
+    given = schedule.actuator.parameters()
+    return [(name, value, PARAMETERS[name].metadata["unit"]) for name, value in given.items() if value is not None]

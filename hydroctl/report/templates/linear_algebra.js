@@ -1,0 +1,223 @@
+// Small dense linear algebra. A matrix is an array of rows, a complex number a pair [re, im].
+// A system is { A, B, C, D } of z[k+1] = A z + B u, out = C z + D u.
+
+function zeros(rows, columns) {
+  return Array.from({ length: rows }, () => new Array(columns).fill(0));
+}
+
+function identity(n) {
+  return Array.from({ length: n }, (_, i) => Array.from({ length: n }, (_, j) => (i === j ? 1 : 0)));
+}
+
+function map(A, change) {
+  return A.map((row, i) => row.map((value, j) => change(value, i, j)));
+}
+
+function add(A, B) {
+  return map(A, (value, i, j) => value + B[i][j]);
+}
+
+function multiply(A, B) {
+  const columns = B.length ? B[0].length : 0;
+  return A.map((row) => {
+    const result = new Array(columns).fill(0);
+    row.forEach((value, k) => {
+      if (value !== 0) for (let j = 0; j < columns; j++) result[j] += value * B[k][j];
+    });
+    return result;
+  });
+}
+
+// [[a, b], [c, d]] from blocks; a block may have no rows or no columns.
+function block(a, b, c, d) {
+  return [...a.map((row, i) => [...row, ...b[i]]), ...c.map((row, i) => [...row, ...d[i]])];
+}
+
+// exp(A) by its series, after halving A until the series converges fast, and squaring back.
+function exponential(A) {
+  const norm = Math.max(...A.map((row) => row.reduce((sum, value) => sum + Math.abs(value), 0)));
+  const halvings = Math.max(0, Math.ceil(Math.log2(norm / 0.25)));
+  const small = map(A, (value) => value / 2 ** halvings);
+  let term = identity(A.length);
+  let result = term;
+  for (let k = 1; k <= 14; k++) {
+    term = map(multiply(term, small), (value) => value / k);
+    result = add(result, term);
+  }
+  for (let k = 0; k < halvings; k++) result = multiply(result, result);
+  return result;
+}
+
+// `second` after `first`.
+function inSeries(first, second) {
+  const n1 = first.A.length, n2 = second.A.length;
+  return {
+    A: block(first.A, zeros(n1, n2), multiply(second.B, first.C), second.A),
+    B: [...first.B, ...multiply(second.B, first.D)],
+    C: second.C.map((row, i) => [...multiply([second.D[i]], first.C)[0], ...row]),
+    D: multiply(second.D, first.D),
+  };
+}
+
+// The sum of two systems with the same input.
+function inParallel(first, second) {
+  const n1 = first.A.length, n2 = second.A.length;
+  return {
+    A: block(first.A, zeros(n1, n2), zeros(n2, n1), second.A),
+    B: [...first.B, ...second.B],
+    C: first.C.map((row, i) => [...row, ...second.C[i]]),
+    D: add(first.D, second.D),
+  };
+}
+
+// The same system with its states scaled by powers of two until rows and columns of A are of like size (Parlett and Reinsch).
+function balanced({ A, B, C, D }) {
+  const n = A.length, scale = new Array(n).fill(1);
+  const a = map(A, (value) => value);
+  for (let settled = false; !settled; ) {
+    settled = true;
+    for (let i = 0; i < n; i++) {
+      let row = 0, column = 0;
+      for (let j = 0; j < n; j++) if (j !== i) { row += Math.abs(a[i][j]); column += Math.abs(a[j][i]); }
+      if (row === 0 || column === 0) continue;
+      const factor = 2 ** Math.round(Math.log2(row / column) / 2);
+      if (column * factor + row / factor >= 0.95 * (column + row)) continue;
+      settled = false;
+      scale[i] *= factor;
+      for (let j = 0; j < n; j++) a[i][j] /= factor;
+      for (let j = 0; j < n; j++) a[j][i] *= factor;
+    }
+  }
+  return { A: a, B: map(B, (value, i) => value / scale[i]), C: map(C, (value, _, j) => value * scale[j]), D };
+}
+
+// The same system with A in upper Hessenberg form, by Gaussian elimination with interchanges.
+function hessenberg({ A, B, C, D }) {
+  const n = A.length;
+  const [a, b, c] = [A, B, C].map((M) => map(M, (value) => value));
+  for (let m = 1; m < n - 1; m++) {
+    let pivot = m;
+    for (let i = m + 1; i < n; i++) if (Math.abs(a[i][m - 1]) > Math.abs(a[pivot][m - 1])) pivot = i;
+    if (a[pivot][m - 1] === 0) continue;
+    if (pivot !== m) {
+      [a[pivot], a[m]] = [a[m], a[pivot]];
+      [b[pivot], b[m]] = [b[m], b[pivot]];
+      for (const row of [...a, ...c]) [row[pivot], row[m]] = [row[m], row[pivot]];
+    }
+    for (let i = m + 1; i < n; i++) {
+      const factor = a[i][m - 1] / a[m][m - 1];
+      if (factor === 0) continue;
+      for (let j = 0; j < n; j++) a[i][j] -= factor * a[m][j];
+      for (let j = 0; j < b[i].length; j++) b[i][j] -= factor * b[m][j];
+      for (const row of [...a, ...c]) row[m] += factor * row[i];
+      a[i][m - 1] = 0;
+    }
+  }
+  return { A: a, B: b, C: c, D };
+}
+
+// C (z I - A)^-1 B of a system in Hessenberg form with one input and one output, at a complex z.
+function response({ A, B, C }, [zr, zi]) {
+  const n = A.length;
+  const re = A.map((row, i) => Float64Array.from([...row.map((value, j) => (i === j ? zr - value : -value)), B[i][0]]));
+  const im = A.map((_, i) => { const row = new Float64Array(n + 1); row[i] = zi; return row; });
+  for (let k = 0; k < n - 1; k++) {
+    const above = Math.abs(re[k][k]) + Math.abs(im[k][k]), below = Math.abs(re[k + 1][k]) + Math.abs(im[k + 1][k]);
+    if (below > above) { [re[k], re[k + 1]] = [re[k + 1], re[k]]; [im[k], im[k + 1]] = [im[k + 1], im[k]]; }
+    const [fr, fi] = divide([re[k + 1][k], im[k + 1][k]], [re[k][k], im[k][k]]);
+    for (let j = k; j <= n; j++) {
+      const ur = re[k][j], ui = im[k][j];
+      re[k + 1][j] -= fr * ur - fi * ui;
+      im[k + 1][j] -= fr * ui + fi * ur;
+    }
+  }
+  const state = new Array(n);
+  let sum = [0, 0];
+  for (let i = n - 1; i >= 0; i--) {
+    let r = re[i][n], m = im[i][n];
+    for (let j = i + 1; j < n; j++) {
+      r -= re[i][j] * state[j][0] - im[i][j] * state[j][1];
+      m -= re[i][j] * state[j][1] + im[i][j] * state[j][0];
+    }
+    state[i] = divide([r, m], [re[i][i], im[i][i]]);
+    sum = [sum[0] + C[0][i] * state[i][0], sum[1] + C[0][i] * state[i][1]];
+  }
+  return sum;
+}
+
+// Eigenvalues of a real matrix, largest modulus first: shifted QR steps on the balanced Hessenberg form.
+function eigenvalues(A) {
+  const n = A.length;
+  const none = { B: zeros(n, 0), C: [], D: [] };
+  const h = map(hessenberg(balanced({ A, ...none })).A, (value) => [value, 0]);
+  const found = [];
+  for (let high = n - 1, steps = 0; high >= 0; steps++) {
+    let low = high;
+    while (low > 0 && modulus(h[low][low - 1]) > Number.EPSILON * (modulus(h[low][low]) + modulus(h[low - 1][low - 1]))) low--;
+    if (low === high) {
+      found.push(h[high][high]);
+      high--;
+      steps = 0;
+    } else {
+      if (steps > 300) throw new Error("the eigenvalues did not converge");
+      const stalled = steps % 10 === 9;
+      qrStep(h, low, high, stalled ? [modulus(h[high][high - 1]), modulus(h[high][high])] : shift(h, high));
+    }
+  }
+  const rounding = 1e-12 * Math.max(...found.map(modulus));
+  const clean = found.map(([re, im]) => [re, Math.abs(im) <= rounding ? 0 : im]);
+  const order = (a, b) => (Math.abs(modulus(b) - modulus(a)) > rounding ? modulus(b) - modulus(a) : b[1] - a[1]);
+  return clean.sort(order);
+}
+
+// The eigenvalue of the last 2 x 2 block that is nearest its last entry.
+function shift(h, k) {
+  const [a, b, c, d] = [h[k - 1][k - 1], h[k - 1][k], h[k][k - 1], h[k][k]];
+  const half = scaled(minus(a, d), 0.5);
+  let root = squareRoot(plus(times(half, half), times(b, c)));
+  if (half[0] * root[0] + half[1] * root[1] < 0) root = scaled(root, -1);
+  const sum = plus(half, root);
+  return modulus(sum) === 0 ? d : minus(d, divide(times(b, c), sum));
+}
+
+// One step H - s I = Q R, H = R Q + s I on rows and columns low ... high, by Givens rotations.
+function qrStep(h, low, high, s) {
+  const rotations = [];
+  for (let k = low; k <= high; k++) h[k][k] = minus(h[k][k], s);
+  for (let k = low; k < high; k++) {
+    const size = Math.hypot(...h[k][k], ...h[k + 1][k]);
+    const u = size === 0 ? [1, 0] : scaled(h[k][k], 1 / size), v = size === 0 ? [0, 0] : scaled(h[k + 1][k], 1 / size);
+    rotations.push([u, v]);
+    for (let j = k; j <= high; j++) {
+      const [above, below] = [h[k][j], h[k + 1][j]];
+      h[k][j] = plus(times(conjugate(u), above), times(conjugate(v), below));
+      h[k + 1][j] = minus(times(u, below), times(v, above));
+    }
+  }
+  rotations.forEach(([u, v], index) => {
+    const k = low + index;
+    for (let i = low; i <= Math.min(k + 1, high); i++) {
+      const [left, right] = [h[i][k], h[i][k + 1]];
+      h[i][k] = plus(times(u, left), times(v, right));
+      h[i][k + 1] = minus(times(conjugate(u), right), times(conjugate(v), left));
+    }
+  });
+  for (let k = low; k <= high; k++) h[k][k] = plus(h[k][k], s);
+}
+
+function plus(a, b) { return [a[0] + b[0], a[1] + b[1]]; }
+function minus(a, b) { return [a[0] - b[0], a[1] - b[1]]; }
+function times(a, b) { return [a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]]; }
+function scaled(a, factor) { return [a[0] * factor, a[1] * factor]; }
+function conjugate(a) { return [a[0], -a[1]]; }
+function modulus(a) { return Math.hypot(a[0], a[1]); }
+function divide(a, b) {
+  const square = b[0] * b[0] + b[1] * b[1];
+  return [(a[0] * b[0] + a[1] * b[1]) / square, (a[1] * b[0] - a[0] * b[1]) / square];
+}
+function squareRoot(a) {
+  const size = modulus(a), real = Math.sqrt((size + Math.abs(a[0])) / 2);
+  if (real === 0) return [0, 0];
+  const other = Math.abs(a[1]) / (2 * real);
+  return a[0] >= 0 ? [real, Math.sign(a[1]) * other] : [other, (a[1] < 0 ? -1 : 1) * real];
+}
