@@ -124,7 +124,7 @@ class GainSchedule:
     @cached_property
     def margins(self) -> ScheduleMargins:
         """Margins at the design points and half-way between them, for the nominal plant and every variant."""
-        return check_margins(self, _with_midpoints(self.design_x), _with_midpoints(self.design_y))
+        return check_margins(self, with_midpoints(self.design_x), with_midpoints(self.design_y))
 
     def save(self, path: str | Path) -> Path:
         """Write the schedule as JSON (see `schedule_document`), atomically."""
@@ -266,7 +266,7 @@ def _locate_sided(nodes: np.ndarray, value: np.ndarray):
     return np.where(positive, right + (first if first < len(nodes) else 0), left), np.where(positive, along_right, along_left)
 
 
-def _with_midpoints(nodes: np.ndarray) -> np.ndarray:
+def with_midpoints(nodes: np.ndarray) -> np.ndarray:
     """`nodes` and the middles between neighbours of the same sign."""
     middles = [(a + b) / 2.0 for a, b in pairwise(nodes) if a * b >= 0.0]
     return np.sort(np.concatenate([nodes, middles]))

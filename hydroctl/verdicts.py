@@ -7,14 +7,11 @@ import numpy as np
 from .margins import MARGIN_UNITS
 from .schedule import GainSchedule, WorstPoint
 from .schedule_document import GAIN_UNITS
+from .tuning.limits import between_points
 from .validation import Verdict
 
 _AT_NODES = 1.005
 """what the tuner's frequency grid may leave above a limit"""
-_BETWEEN = 0.02
-"""what interpolated gains may add to Ms and Mt between the design points, and take from a phase margin (rad)"""
-_BETWEEN_FACTOR = 0.98
-"""what interpolated gains may leave of a gain margin and a crossover between the design points"""
 _LINEAR_PROGRAM = 1.0 + 1e-6
 """what the tuner's linear programs may leave above a bound on the gains"""
 
@@ -22,11 +19,13 @@ _LINEAR_PROGRAM = 1.0 + 1e-6
 def margin_verdicts(schedule: GainSchedule) -> tuple[Verdict, ...]:
     """Every limit of the specification at the design points and between them, and unstable loops, over all variants."""
     specification, margins = schedule.specification, schedule.margins
+    between = between_points(specification)
     verdicts = []
-    for name, limit in (("Ms", specification.Ms), ("Mt", specification.Mt)):
+    for name in ("Ms", "Mt"):
+        limit = getattr(specification, name)
         for where, mask, allowed, reason in (
             ("at the design points", margins.designed, limit * _AT_NODES, "the specification, and 0.5 % for the tuner's grid"),
-            ("between them", ~margins.designed, limit + _BETWEEN, "the specification, and 0.02 for interpolated gains"),
+            ("between them", ~margins.designed, getattr(between, name), "the specification, and 0.02 for interpolated gains"),
         ):
             if mask.any():
                 verdicts.append(_verdict(f"{name} {where} (specified {limit:g})", reason, margins.worst(name, where=mask), allowed))
@@ -43,16 +42,13 @@ def margin_verdicts(schedule: GainSchedule) -> tuple[Verdict, ...]:
 
 def _minimum_verdicts(schedule: GainSchedule):
     specification, margins = schedule.specification, schedule.margins
-    for name, limit, between in (
-        ("gain_margin", specification.gain_margin, lambda limit: limit * _BETWEEN_FACTOR),
-        ("phase_margin", specification.phase_margin, lambda limit: limit - _BETWEEN),
-        ("crossover", specification.min_crossover, lambda limit: limit * _BETWEEN_FACTOR),
-    ):
-        if limit is None:
+    between = between_points(specification)
+    for name, field in (("gain_margin", "gain_margin"), ("phase_margin", "phase_margin"), ("crossover", "min_crossover")):
+        if (limit := getattr(specification, field)) is None:
             continue
         for where, mask, least in (
             ("at the design points", margins.designed, limit / _AT_NODES),
-            ("between them", ~margins.designed, between(limit)),
+            ("between them", ~margins.designed, getattr(between, field)),
         ):
             if mask.any():
                 worst = margins.worst(name, where=mask)

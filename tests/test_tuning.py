@@ -158,3 +158,21 @@ def test_a_notch_beyond_the_nyquist_frequency_is_refused(reference, verb):
 def test_a_node_outside_the_stroke_is_refused_with_its_reason(reference):
     with pytest.raises(hc.InputError, match=r"nominal plant: .*y=0.6 m: y must be within the stroke"):
         hc.tune(reference, [0.1], [0.1, 0.6])
+
+
+def test_limits_hold_between_the_points_of_a_grid_that_is_too_coarse():
+    """Between five positions of this machine the limits are missed by more than 0.02; the tuner adds points until they are not."""
+    machine = hc.load_actuator("asymmetric_100_70")
+    y = np.linspace(0.0, machine.stroke, 5)
+    schedule = hc.tune(machine, [-1.0, -0.3, 0.3, 1.0], y, loop="position")
+    between = ~schedule.margins.designed
+    assert schedule.design_y.size > y.size
+    assert np.isin(y, schedule.design_y).all()
+    assert schedule.margins.worst("Ms", where=between).value <= 1.62
+    assert schedule.margins.worst("Mt", where=between).value <= 1.32
+
+
+def test_a_load_that_stops_the_motion_of_a_feed_forward_is_an_input_error(reference):
+    loaded = reference.replace(load_force=0.9 * reference.area_a * reference.supply_pressure)
+    with pytest.raises(hc.InputError, match="the feed-forward needs motion"):
+        hc.tune(loaded, [0.5], [0.2], specification=NOMINAL)

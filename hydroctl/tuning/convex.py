@@ -30,7 +30,8 @@ _CEILING = 1e4
 _RETREATS = (0.99, 0.97, 0.9, 0.7, 0.3)
 _ROW_TOLERANCE = 1e-7
 _NEARLY, _SLACK = 0.003, 0.1
-"""so near to binding, a row or a local maximum over the rows is likely to bind at the next solution"""
+"""so near to binding, one of the `_CANDIDATES` nearest rows, or a local maximum over the rows, may bind at the next solution"""
+_CANDIDATES = 24
 _KEPT_ROWS = 100
 """for each limit"""
 
@@ -184,7 +185,7 @@ class _Program:
         cost[:, objective] = -worth / self.column[:, objective]
         cost /= np.abs(cost).max()
         excess = self._excess(present)
-        working = (excess > -_NEARLY) | (_peaks(excess) & (excess > -_SLACK))
+        working = (_highest(excess, _CANDIDATES) & (excess > -_NEARLY)) | (_peaks(excess) & (excess > -_SLACK))
         while True:
             rows = LinearConstraint(self._matrix(working), ub=self.most[working])
             gains = _solution(cost.T.ravel(), rows).reshape(cost.T.shape).T / self.column
@@ -223,6 +224,13 @@ def _solution(cost: np.ndarray, rows) -> np.ndarray:
         if solved.x is not None:
             return solved.x
     raise InfeasibleError(f"The linear program of the tuner has no solution: {solved.message} Relax a limit or move the points.")
+
+
+def _highest(values, count: int) -> np.ndarray:
+    """True at the `count` largest values along the last axis."""
+    if values.shape[-1] <= count:
+        return np.ones(values.shape, dtype=bool)
+    return values >= np.partition(values, -count, axis=-1)[..., [-count]]
 
 
 def _peaks(values) -> np.ndarray:

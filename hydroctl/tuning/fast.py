@@ -25,6 +25,7 @@ from ..regulators import Regulators
 from ..schedule import GainSchedule
 from ..specification import Specification
 from .limits import limits_of, phrase
+from .refinement import broken
 from .synthesis import assemble_schedule
 from .task import Task, task_of
 
@@ -126,12 +127,18 @@ def _scaled(regulators: Regulators, share: np.ndarray) -> Regulators:
 
 
 def _slow_down(task: Task, regulators: Regulators) -> np.ndarray:
-    """(nx, ny): the share of the gains with which every limit holds: 1, or by bisection the largest below the first that fails."""
+    """(nx, ny): the share of the gains with which every limit holds: 1, or less if the gain at the Nyquist frequency asks for it,
+    or by bisection the largest below the first that fails."""
+
+    limit = task.specification.high_frequency_gain
+    most = np.ones(regulators.shape) if limit is None else np.minimum(1.0, limit / _gain_at_nyquist(regulators))
 
     def holds(share):
-        return _misses(task, _scaled(regulators, share))[0].max(axis=0) <= 0.0
+        loops = Loop(task.plants, _scaled(regulators, share).broadcast_to(task.plants.shape))
+        stable = np.abs(loops.poles()).max(axis=-1) < 1.0
+        return (stable & ~broken(loops, task.specification)).all(axis=0)
 
-    high, low = np.ones(regulators.shape), np.ones(regulators.shape)
+    high, low = most, most
     for _ in range(_HALVINGS):
         held = holds(low)
         if held.all():
@@ -170,6 +177,10 @@ def _misses(task: Task, regulators: Regulators):
         if getattr(specification, name) is not None:
             missed.append(1.0 - getattr(found, name) / getattr(specification, name))
     if specification.high_frequency_gain is not None:
-        at_nyquist = np.abs(regulators.frequency_response([np.pi / specification.sample_time]))[..., 0]
-        missed.append(np.broadcast_to(at_nyquist / specification.high_frequency_gain - 1.0, task.plants.shape))
+        excess = _gain_at_nyquist(regulators) / specification.high_frequency_gain - 1.0
+        missed.append(np.broadcast_to(excess, task.plants.shape))
     return np.max(missed, axis=0), found
+
+
+def _gain_at_nyquist(regulators: Regulators) -> np.ndarray:
+    return np.abs(regulators.frequency_response([np.pi / regulators.sample_time]))[..., 0]

@@ -12,7 +12,7 @@ margin, so that a loop may enter them elsewhere.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +20,9 @@ import numpy as np
 from ..specification import Specification
 
 _ROUNDING = 0.01
+_ALLOWANCE = 0.02
+"""for interpolated gains: of Ms and Mt, of a phase margin in rad, and as a share of gain margin and crossover"""
+_LEAST = 1e-6
 
 
 class Disc(NamedTuple):
@@ -102,6 +105,19 @@ def limits_of(specification: Specification) -> dict[str, Limit]:
     if (phase := specification.phase_margin) is not None:
         limits["phase_margin"] = Segment(phase)
     return limits
+
+
+def between_points(specification: Specification) -> Specification:
+    """The limits as they are to hold half-way between the design points, where the gains are interpolated."""
+    gain, phase, crossover = (getattr(specification, name) for name in ("gain_margin", "phase_margin", "min_crossover"))
+    return replace(
+        specification,
+        Ms=specification.Ms + _ALLOWANCE,
+        Mt=specification.Mt + _ALLOWANCE,
+        gain_margin=None if gain is None else max(gain * (1.0 - _ALLOWANCE), 1.0 + _LEAST),
+        phase_margin=None if phase is None else max(phase - _ALLOWANCE, _LEAST),
+        min_crossover=None if crossover is None else crossover * (1.0 - _ALLOWANCE),
+    )
 
 
 def phrase(name: str, specification: Specification) -> str:

@@ -15,12 +15,13 @@ from ..errors import InfeasibleError
 from ..frequency import frequency_grid
 from ..margins import Crossings, Loop, analyse, peaks
 from ..regulators import Regulators
+from ..specification import Specification
 from .convex import Demands, half_of_largest, largest_gains, retreat, small_gains
 from .limits import Limit, limits_of, phrase
 from .task import Task
 
 _ROUNDS = 10
-_NEAR = 0.05
+_NEAR = 0.35
 """relative change of gains after which the same frequencies stay the critical ones"""
 _NEAREST = 8
 _PARTS = 8
@@ -90,7 +91,7 @@ def exact_gains(problem: Problem, start: np.ndarray) -> np.ndarray:
             demands = demands.tightest(problem.mix @ outside)
         gains = largest_gains(demands, problem.mix, outside, task.objective, problem.worth)
         found = _shortfalls(problem.loops(gains), limits_of(task.specification), omega)
-        if all((shortfall.worst <= 0.0).all() for shortfall in found.values()):
+        if all((shortfall.worst <= _TOLERANCE[name]).all() for name, shortfall in found.items()):
             break
         windows = {name: found[name].widened(window) for name, window in windows.items()}
         omega = np.sort(np.concatenate([omega, *(shortfall.omega[..., None] for shortfall in found.values())], axis=-1), axis=-1)
@@ -121,7 +122,7 @@ def _subdivided(problem: Problem, omega: np.ndarray, gains: np.ndarray) -> np.nd
 
 @dataclass(frozen=True, eq=False)
 class _Shortfall:
-    """By how much one limit is broken beyond its tolerance in each loop (variants, nx, ny), positive where it is, and where."""
+    """By how much one limit is broken in each loop (variants, nx, ny), positive where it is, and where."""
 
     worst: np.ndarray
     omega: np.ndarray
@@ -141,19 +142,17 @@ def _shortfalls(loops: Loop, limits: dict[str, Limit], omega: np.ndarray) -> dic
     """Every limit's, from the loops near the grid omega (variants, nx, ny, n)."""
     values, where = peaks(loops, [limits[name].intrusion for name in ("Ms", "Mt")], omega=omega, floor=_DISTANT)
     never = np.full(loops.shape, np.inf)
-    found = {
-        name: _Shortfall(values[..., i] - _TOLERANCE[name], where[..., i], never, -never) for i, name in enumerate(("Ms", "Mt"))
-    }
+    found = {name: _Shortfall(values[..., i], where[..., i], never, -never) for i, name in enumerate(("Ms", "Mt"))}
     if len(limits) == len(found):
         return found
     margins = analyse(loops, omega)
     if "gain_margin" in limits:
         crossings = margins.phase_crossings.select(lambda response: np.abs(response) < 1.0)
         lacking = 1.0 - 1.0 / np.abs(crossings.response) / limits["gain_margin"].gain_margin
-        found["gain_margin"] = _crossing_shortfall(crossings, lacking - _TOLERANCE["gain_margin"], omega)
+        found["gain_margin"] = _crossing_shortfall(crossings, lacking, omega)
     if "phase_margin" in limits:
         lacking = limits["phase_margin"].phase_margin - np.abs(margins.gain_crossings.phase_margins())
-        found["phase_margin"] = _crossing_shortfall(margins.gain_crossings, lacking - _TOLERANCE["phase_margin"], omega)
+        found["phase_margin"] = _crossing_shortfall(margins.gain_crossings, lacking, omega)
     return found
 
 
@@ -169,12 +168,18 @@ def _crossing_shortfall(crossings: Crossings, lacking: np.ndarray, omega: np.nda
     return _Shortfall(worst, where, lowest, highest)
 
 
+def broken(loops: Loop, specification: Specification) -> np.ndarray:
+    """(variants, nx, ny) bool: which loops break a limit of `specification` on Ms, Mt or the margins."""
+    found = _shortfalls(loops, limits_of(specification), frequency_grid(loops.plant))
+    return np.max([shortfall.worst for shortfall in found.values()], axis=0) > 0.0
+
+
 def _require_kept(problem: Problem, gains: np.ndarray, found: dict[str, _Shortfall]) -> None:
     """InfeasibleError where a limit is broken, or a loop is unstable."""
     task = problem.task
     for name, shortfall in found.items():
         k, i, j = np.unravel_index(np.argmax(shortfall.worst), shortfall.worst.shape)
-        if not shortfall.worst[k, i, j] <= 0.0:
+        if not shortfall.worst[k, i, j] <= _TOLERANCE[name]:
             limit = phrase(name, task.specification)
             raise InfeasibleError(
                 f"{task.place(k, i, j)}: the tuner ended with gains that break {limit}. Relax this limit or move the points."

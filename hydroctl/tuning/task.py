@@ -122,8 +122,8 @@ def task_of(actuator: Actuator, x, y, loop: str, structure: str, specification: 
     nyquist = np.pi / specification.sample_time
     if ("notch" in structure or section_count(structure)) and task.natural.max() >= nyquist:
         raise InputError(
-            f"sample_time = {specification.sample_time:g} s: a notch or lead at {task.natural.max():.4g} rad/s, the natural "
-            f"frequency, needs one below {np.pi / task.natural.max():.3g} s. Sample faster or choose a structure without."
+            f"sample_time = {specification.sample_time:g} s: a notch or lead at {task.natural.max():.4g} rad/s, the plant's "
+            f"natural frequency, needs one below {np.pi / task.natural.max():.3g} s. Sample faster or choose a structure without."
         )
     return task
 
