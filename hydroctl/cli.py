@@ -30,6 +30,16 @@ class Loop(StrEnum):
     position = "position"
 
 
+class Target(StrEnum):
+    """What a schedule is exported to."""
+
+    json = "json"
+    c = "c"
+    st = "st"
+    mat = "mat"
+    csv = "csv"
+
+
 ActuatorArgument = Annotated[str, typer.Argument(help="a shipped machine (see `hydroctl actuators`) or a TOML data sheet")]
 JsonOption = Annotated[bool, typer.Option("--json", help="print results as JSON, for programs")]
 
@@ -156,6 +166,33 @@ def report(
     fixed = hydroctl.tune_fixed(loaded.actuator, loaded.design_x, loaded.design_y, **settings)
     write_report(path, loaded, validation, beside={"fixed": fixed})
     typer.echo(f"written to {path}")
+
+
+@app.command()
+def export(
+    schedule: Annotated[Path, typer.Argument(help="a schedule.json that `hydroctl design` wrote")],
+    to: Annotated[Target, typer.Option(help="C99, IEC 61131-3 structured text, MATLAB tables, CSV, or the checked schedule file")],
+    directory: Annotated[Path, typer.Option("-o", "--output", help="where the files go")] = Path("hydroctl-out"),
+    single: Annotated[bool, typer.Option("--float", help="single precision: float in C, REAL in structured text")] = False,
+    force: Annotated[bool, typer.Option(help="export even if the schedule fails its checks; the files say so")] = False,
+) -> None:
+    """Export a schedule to the machine; files are named after the schedule's."""
+    from .files import make_directory
+
+    path = directory / f"{schedule.stem}.{to.value}"
+    loaded = hydroctl.load_schedule(schedule)
+    make_directory(directory)
+    real = "float" if single else "double"
+    for written in hydroctl.export_schedule(loaded, path, to.value, real=real, force=force):
+        typer.echo(written)
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON Schema (draft 2020-12) of schedule files."""
+    from .schedule_document import SCHEMA_FILE
+
+    typer.echo(SCHEMA_FILE.read_text(), nl=False)
 
 
 def _pairs(option: str, given: list[str] | None) -> dict[str, str]:

@@ -21,8 +21,9 @@ from .linearization import linearize
 from .margins import MARGIN_UNITS, Loop, Margins, analyse
 from .operating_point import find_operating_points
 from .regulators import Regulators
-from .schedule_file import document_of, fields_of
+from .schedule_file import document_of, fields_of, require_unchanged, vectors_in
 from .specification import Specification, variants
+from .test_vectors import require_answers
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -229,9 +230,12 @@ def load_schedule(path: str | Path) -> GainSchedule:
     """The schedule in a JSON file. Raises InputError that names the file and every fault."""
     document = schedule_document.read(path)
     try:
-        return GainSchedule(**fields_of(document))
+        schedule = GainSchedule(**fields_of(document))
+        require_unchanged(document)
+        require_answers(schedule, vectors_in(document))
     except InputError as error:
         raise InputError(f"{path}: {fault}" for fault in error.faults) from None
+    return schedule
 
 
 def interpolation(x_nodes: np.ndarray, y_nodes: np.ndarray, x, y):

@@ -6,6 +6,7 @@ not finite, wrong shapes and unsorted axes are errors, all of them reported at o
 
 from __future__ import annotations
 
+import hashlib
 import json
 from itertools import pairwise
 from pathlib import Path
@@ -16,14 +17,15 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from .actuator import PARAMETERS
 from .errors import InputError, unknown_name
 from .files import write_file
+from .schedule_versions import upgraded
 
 SCHEMA = "hydroctl.gain-schedule"
-VERSION = 2
 GAIN_UNITS = {
     "velocity": {"kp": "s/m", "ki": "1/m", "kd": "s^2/m", "notch_frequency": "rad/s"},
     "position": {"kp": "1/m", "ki": "1/(m*s)", "kd": "s/m", "notch_frequency": "rad/s"},
 }
 """units of the tables by loop, in the order of the file"""
+SCHEMA_FILE = Path(__file__).with_name("schedule.schema.json")
 _LARGEST_FILE = 50_000_000
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -259,11 +261,29 @@ class Design(_Part):
         return self
 
 
+class TestVectors(_Part):
+    """What the law answers, sample by sample; an input that is not finite (a broken sensor) is null, and so are its gains.
+
+    start: null where the law goes on (at the first row from rest), else the x at which it is started just before the row.
+    """
+
+    columns: Literal["start, reference, v_ref, p_a, p_b, v, y, kp, ki, kd, notch_frequency (0 where the law has no use for it), x"]
+    units: list[str]
+    tolerance: Literal[1e-9]
+    rows: Annotated[list[Annotated[list[Number | None], Field(min_length=12, max_length=12)]], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _answers(self):
+        if any(row[-1] is None for row in self.rows):
+            raise ValueError("a row of test_vectors has no x")
+        return self
+
+
 class Document(_Part):
     """A whole schedule file."""
 
     schema_: Literal["hydroctl.gain-schedule"] = Field(alias="schema")
-    version: Literal[2]
+    version: Literal[3]
     generator: str
     loop: Literal["velocity", "position"]
     structure: str
@@ -272,6 +292,12 @@ class Document(_Part):
     feed_forward: FeedForward
     actuator: Machine
     design: Design
+    failed_checks: list[str]
+    """checks of the margins that failed and that an export passed over; empty where none was"""
+    test_vectors: TestVectors | None
+    """null in a file of a version before 3"""
+    fingerprint: str | None
+    """SHA-256 of everything else, without blanks and with sorted keys; null in a file of a version before 3"""
 
     @model_validator(mode="after")
     def _gain_units(self):
@@ -282,6 +308,18 @@ class Document(_Part):
             if table.unit != (unit := GAIN_UNITS[self.loop][table.name]):
                 raise ValueError(f"unit of table {table.name} is {table.unit!r}, must be {unit!r} for a {self.loop} loop")
         return self
+
+
+def fingerprint(document: Document) -> str:
+    """What `document.fingerprint` must be."""
+    content = document.model_dump(by_alias=True, mode="json", exclude={"fingerprint"})
+    return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False).encode()).hexdigest()
+
+
+def json_schema() -> str:
+    """The JSON Schema (draft 2020-12) of the file, as shipped in SCHEMA_FILE."""
+    content = {"$schema": "https://json-schema.org/draft/2020-12/schema"} | Document.model_json_schema()
+    return json.dumps(content, indent=1) + "\n"
 
 
 def write(document: Document, path: str | Path) -> Path:
@@ -295,30 +333,12 @@ def read(path: str | Path) -> Document:
     data = _read_json(Path(path))
     if not isinstance(data, dict) or data.get("schema") != SCHEMA:
         raise InputError(f'{path}: not a gain schedule (schema must be "{SCHEMA}").')
-    if data.get("version") not in (1, VERSION) or isinstance(data["version"], bool):
-        raise InputError(f"{path}: version {data.get('version')!r} is unknown; only 1 and {VERSION} can be read. Update hydroctl.")
-    if data["version"] == 1:
-        data = _upgraded(data)
     try:
-        return Document.model_validate_json(json.dumps(data))
+        return Document.model_validate_json(json.dumps(upgraded(data)))
+    except InputError as error:
+        raise InputError(f"{path}: {fault}" for fault in error.faults) from None
     except ValidationError as error:
         raise InputError(f"{path}: {_sentence(fault)}" for fault in error.errors()) from None
-
-
-_ADDED_IN_2 = {
-    "measurement_filter_time": {"value": 0.0, "unit": "s"},
-    "lead_lag": [],
-    "pressure_compensation": None,
-    "dead_band_inverse": 0.0,
-    "start": "m_f = m, g_previous = (c - 1)*m, all other states 0",
-    "fallback": "where an input is not finite, x = 0, and the next sound sample is a start",
-}
-
-
-def _upgraded(data: dict) -> dict:
-    """A file of version 1 as one of version 2: what version 2 added is neutral."""
-    controller = data.get("controller")
-    return data | {"version": 2} | ({"controller": _ADDED_IN_2 | controller} if isinstance(controller, dict) else {})
 
 
 def _read_json(path: Path):

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from typing import get_args
+
 import numpy as np
 
 from . import __version__, schedule_document
@@ -9,7 +12,9 @@ from .actuator import PARAMETERS, Actuator
 from .errors import InputError
 from .margins import MARGIN_UNITS
 from .regulators import GAINS, STRUCTURES, require_structure, section_count
+from .schedule_versions import VERSION
 from .specification import Specification
+from .test_vectors import TOLERANCE, Vector, vectors_of
 
 _LAW = (
     "gains from the tables at (x of the previous sample, y); m_f = m + Tm/(Tm + Ts)*(m_f - m); e = r - m_f; g = c*r - m_f; "
@@ -21,8 +26,8 @@ _MEASURED = {"velocity": "the speed v in m/s", "position": "the position y in m"
 _ON = {"error": "backward Euler, on the error", "measurement": "backward Euler, on the measurement"}
 
 
-def document_of(schedule) -> schedule_document.Document:
-    """The document that describes a `GainSchedule` in full."""
+def document_of(schedule, failed_checks: tuple[str, ...] = ()) -> schedule_document.Document:
+    """The document that describes a `GainSchedule` in full; `failed_checks`: those that an export passed over."""
     d, units = schedule_document, schedule_document.GAIN_UNITS[schedule.loop]
 
     axes = [
@@ -60,9 +65,9 @@ def document_of(schedule) -> schedule_document.Document:
         uncertainty=uncertainty if isinstance(uncertainty, str) else dict(uncertainty),
         achieved=d.Margins(**{name: _achieved(schedule.margins.worst(name), unit) for name, unit in MARGIN_UNITS.items()}),
     )
-    return d.Document(
+    document = d.Document(
         schema=d.SCHEMA,
-        version=d.VERSION,
+        version=VERSION,
         generator=f"hydroctl {__version__}",
         loop=schedule.loop,
         structure=schedule.structure,
@@ -78,7 +83,36 @@ def document_of(schedule) -> schedule_document.Document:
         feed_forward=feed_forward,
         actuator=machine,
         design=design,
+        failed_checks=list(failed_checks),
+        test_vectors=_test_vectors(vectors_of(schedule), schedule.loop),
+        fingerprint=None,
     )
+    return document.model_copy(update={"fingerprint": d.fingerprint(document)})
+
+
+def _test_vectors(vectors: list[Vector], loop: str) -> schedule_document.TestVectors:
+    reference = "m/s" if loop == "velocity" else "m"
+    units = ["1", reference, "m/s", "Pa", "Pa", "m/s", "m", *schedule_document.GAIN_UNITS[loop].values(), "1"]
+    rows = [[v.start, *v.inputs, *(v.gains or (None,) * 4), v.x] for v in vectors]
+    finite = [[None if value is None or math.isnan(value) else value for value in row] for row in rows]
+    columns = get_args(schedule_document.TestVectors.model_fields["columns"].annotation)[0]
+    return schedule_document.TestVectors(columns=columns, units=units, tolerance=TOLERANCE, rows=finite)
+
+
+def require_unchanged(document: schedule_document.Document) -> None:
+    """InputError where a file that has a fingerprint does not fit to it."""
+    if document.fingerprint is not None and document.fingerprint != schedule_document.fingerprint(document):
+        raise InputError("fingerprint does not belong to the rest of the file, which was changed after it was written.")
+
+
+def vectors_in(document: schedule_document.Document) -> list[Vector]:
+    """The test vectors of a file; none before version 3."""
+    rows = [] if document.test_vectors is None else document.test_vectors.rows
+    vectors = []
+    for start, *inputs, kp, ki, kd, wn, x in rows:
+        gains = None if kp is None else (kp, ki, kd, wn)
+        vectors.append(Vector(start, tuple(math.nan if value is None else value for value in inputs), gains, x))
+    return vectors
 
 
 _OPTIONAL_LIMITS = ("phase_margin", "high_frequency_gain", "min_crossover")

@@ -15,13 +15,15 @@ from hydroctl.test_vectors import law_of
 
 REFERENCE = hc.load_actuator("reference")
 OVERLAPPED = REFERENCE.replace(dead_band=0.05, name="overlapped")
+HOSTILE = '*/ #error "\n#error broken\\\n??/\n// *) END_IF; </script> é² "quoted" {pragma} $N \x00'
+"""a name that ends comments, lines and strings wherever it can"""
 STEP, RESET, START = 0.0, 1.0, 2.0
 
 
 def exported(loop="velocity", structure="pi+notch", *, scale=1.0, actuator=REFERENCE, **settings) -> GainSchedule:
     """A schedule with gains that differ at every node; `settings` go to its specification."""
     x, y = np.array([-1.0, -0.1, 0.1, 1.0]), np.array([0.0, 0.2, 0.5])
-    spread = scale * (1.0 + 0.1 * np.arange(12).reshape(4, 3) / 12)
+    spread = scale * (1.0 + 0.01 * np.arange(12).reshape(4, 3))
     kp, ki, kd = (0.8, 300.0, 4e-4) if loop == "velocity" else (40.0, 900.0, 0.02)
     notch, sections = "notch" in structure, {"lead-lag": 2, "lead": 1}
     count = next((n for name, n in sections.items() if name in structure), 0)
@@ -39,7 +41,7 @@ def exported(loop="velocity", structure="pi+notch", *, scale=1.0, actuator=REFER
         kp=kp * spread,
         ki=ki * spread if "i" in gains else np.zeros((4, 3)),
         kd=kd * spread if "d" in gains else np.zeros((4, 3)),
-        notch_frequency=540.0 * (spread / scale),
+        notch_frequency=540.0 + 4.0 * np.arange(12).reshape(4, 3),
         zz=0.2 if notch else 0.8,
         zp=0.8,
         sections=((0.5, 3.0), (0.05, 0.02))[:count],

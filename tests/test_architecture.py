@@ -12,7 +12,7 @@ import hydroctl
 PACKAGE = Path(hydroctl.__file__).parent
 LAYERS = (
     ("errors",),
-    ("units", "polynomials", "files", "forms", "recursion", "region"),
+    ("units", "polynomials", "files", "schedule_versions", "forms", "recursion", "region"),
     ("actuator", "second_order"),
     ("datasheet", "plant", "bases", "records"),
     ("equilibrium",),

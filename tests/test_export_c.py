@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exports import CASES, REFERENCE, closed_loop, contents, exported, exported_pair
+from exports import CASES, HOSTILE, REFERENCE, closed_loop, contents, exported, exported_pair
 
 import hydroctl as hc
 from hydroctl.export.c import sources, write_c
@@ -75,9 +75,6 @@ def test_the_state_stays_what_it_was_told_without_calls_of_other_libraries(tmp_p
     subprocess.run([COMPILER, *STRICT, "-O2", "-fno-stack-protector", "-c", "press.c"], cwd=tmp_path, check=True)
     listed = subprocess.run(["nm", "-u", "press.o"], cwd=tmp_path, check=True, capture_output=True, text=True).stdout
     assert {line.split()[-1].lstrip("_") for line in listed.splitlines()} <= {"tan", "sqrt", "GLOBAL_OFFSET_TABLE_"}
-
-
-HOSTILE = '*/ #error "\n#error broken\\\n??/\n// *) END_IF; </script> é² "quoted" {pragma} $N \x00'
 
 
 def test_names_from_files_change_nothing_but_comments(tmp_path):

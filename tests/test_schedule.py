@@ -141,7 +141,7 @@ def test_a_file_with_any_one_field_spoilt_is_refused(saved, tmp_path, change):
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
-        (("version",), 3, "version 3 is unknown"),
+        (("version",), 4, "version 4 is unknown"),
         (("schema",), "other", "not a gain schedule"),
         (("scheduling", "axes", 0, "values"), [-1.0, 0.02, -0.02, 1.0], "not strictly ascending"),
         (("scheduling", "axes", 1, "values"), [0.0, 0.25, 0.25], "not strictly ascending"),

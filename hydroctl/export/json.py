@@ -1,0 +1,14 @@
+"""The schedule file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..schedule_document import write
+from ..schedule_file import document_of
+from .contents import Contents
+
+
+def write_json(contents: Contents, path: Path) -> tuple[Path, ...]:
+    """Write `path` (see `schedule_document`)."""
+    return (write(document_of(contents.schedule, contents.failed_checks), path),)
