@@ -121,7 +121,7 @@ class Design:
         return to_dict(self)
 
     def save(self, directory: str | Path) -> list[Path]:
-        """Write schedule.json, margins.csv, summary.txt, report.html and the figures (PNG and SVG), among them one step and one
+        """Write schedule.json, margins.csv, summary.txt, report.html and the figures (SVG), among them one step and one
         saturated motion. Raises InputError where it cannot."""
         from .plotting import design_figures, save_figures
         from .report import write_report
@@ -137,7 +137,7 @@ class Design:
             write_report(
                 directory / "report.html", self.schedule, self.validation, beside={"fixed": self.fixed}, remarks=self.remarks
             ),
-            *save_figures(design_figures(self.family, self.schedule, motions), directory),
+            *save_figures(design_figures(self.family, self.schedule, motions), directory, formats=("svg",)),
         ]
 
 

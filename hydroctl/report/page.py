@@ -15,7 +15,7 @@ from ..files import write_file
 from ..margins import MARGIN_UNITS
 from ..schedule import GainSchedule
 from ..schedule_file import document_of
-from ..validation import Comparison, ValidationReport, compare, validate
+from ..validation import Comparison, ValidationReport, compare_reports, validate
 from ..verdicts import margin_verdicts
 from .explorer import explorer_data
 from .figures import map_data, trace_data
@@ -82,7 +82,7 @@ def page(
         remarks=remarks,
         verdicts=verdicts,
         worst=[(_MARGIN_NAMES[name], schedule.margins.worst(name), unit) for name, unit in MARGIN_UNITS.items()],
-        comparison=_comparison(schedule, beside, scenarios),
+        comparison=_comparison(reports, validation),
         specification=_specification(schedule),
         parameters=_parameters(schedule),
         law=document_of(schedule).controller.law,
@@ -123,13 +123,12 @@ def _require_alike(schedule: GainSchedule, beside: Mapping[str, GainSchedule]) -
         raise InputError(f"schedule {name!r} is for another machine, loop or sampling; compare what is alike." for name in strange)
 
 
-def _comparison(schedule: GainSchedule, beside: Mapping[str, GainSchedule], scenarios) -> tuple[list[str], list[list]]:
-    """(heads, rows) of the table in which all schedules stand against the first of `beside`."""
+def _comparison(reports: Mapping[str, ValidationReport], validation: ValidationReport) -> tuple[list[str], list[list]]:
+    """(heads, rows) of the table in which `validation` and the other reports stand against the first of these."""
     heads = [field.name.replace("_", " ") for field in dataclasses.fields(Comparison)]
-    if not beside:
+    if not reports:
         return heads, []
-    found = compare(schedule.actuator, beside | {"scheduled": schedule}, scenarios=scenarios)
-    return heads, [list(dataclasses.astuple(each)) for each in found]
+    return heads, [list(dataclasses.astuple(each)) for each in compare_reports({**reports, "scheduled": validation})]
 
 
 def _specification(schedule: GainSchedule) -> dict[str, object]:

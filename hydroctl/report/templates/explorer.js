@@ -55,9 +55,12 @@ function refresh() {
 }
 
 function listGains(gains) {
-  const shaped = data.regulators.some(({ zz, zp, sections }) => zz !== zp || sections.length);
-  const used = GAIN_NAMES.filter((name) => (name === "notch_frequency" ? shaped : gains[name] !== 0));
+  const used = GAIN_NAMES.filter((name) => data.regulators.some((regulator) => uses(regulator, name)));
   list("gains", used.map((name) => [name.replace("_", " "), gains[name], 1, data.units[name]]));
+}
+
+function uses({ tables, zz, zp, sections }, name) {
+  return name === "notch_frequency" ? zz !== zp || sections.length > 0 : tables[name].flat().some((value) => value !== 0);
 }
 
 // Rows of [name, value in SI, factor for display, unit] into a table body; a complex value is a pair.
