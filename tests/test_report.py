@@ -21,6 +21,7 @@ from hydroctl.schedule import sampled_plants
 from hydroctl.simulation import law
 from hydroctl.simulation.regulator import regulator_of
 from hydroctl.specification import variants
+from hydroctl.validation import against_rivals
 from hydroctl.verdicts import margin_verdicts
 
 CHROMIUM = shutil.which("chromium")
@@ -34,10 +35,10 @@ X, Y = [-0.5, -0.05, 0.05, 0.5], [0.1, 0.4]
 
 @pytest.fixture(scope="module")
 def plain():
-    """A velocity schedule of a machine with a hostile name, its validation, and a fixed regulator."""
+    """A velocity schedule of a machine with a hostile name, its validation, a fixed regulator, and the comparison."""
     machine = REFERENCE.replace(name=HOSTILE, note=HOSTILE)
-    schedule = hc.tune(machine, X, Y, structure="pi", **SMALL)
-    return schedule, hc.validate(machine, schedule), hc.tune_fixed(machine, X, Y, structure="pi", **SMALL)
+    schedule, fixed = (make(machine, X, Y, structure="pi", **SMALL) for make in (hc.tune, hc.tune_fixed))
+    return schedule, hc.validate(machine, schedule), fixed, against_rivals(schedule, fixed)
 
 
 @pytest.fixture(scope="module")
@@ -90,9 +91,12 @@ class Visit:
 
 @pytest.fixture(scope="module")
 def visit(browser, plain, tmp_path_factory):
-    schedule, validation, fixed = plain
-    path = write_report(tmp_path_factory.mktemp("plain") / "report.html", schedule, validation, beside={"fixed": fixed})
-    return Visit(browser, path)
+    return Visit(browser, write_plain(tmp_path_factory.mktemp("plain") / "report.html", plain))
+
+
+def write_plain(path, plain):
+    schedule, validation, fixed, comparison = plain
+    return write_report(path, schedule, validation, beside={"fixed": fixed}, comparison=comparison, remarks=[HOSTILE])
 
 
 @pytest.fixture(scope="module")
@@ -194,7 +198,7 @@ def test_a_name_with_markup_is_shown_as_text(visit):
 
 
 def test_tables_hold_the_numbers_of_the_report(visit, plain):
-    schedule, validation, _ = plain
+    schedule, validation, *_ = plain
     verdicts = (*margin_verdicts(schedule), *validation.verdicts)
     shown = [float(value) for value in visit.values("#verdicts")]
     assert shown == [number for verdict in verdicts for number in (verdict.achieved, verdict.limit)]
@@ -206,6 +210,13 @@ def test_tables_hold_the_numbers_of_the_report(visit, plain):
     assert [float(value) for value in visit.values("#worst")] == [
         number for point in worst for number in (point.value, point.x, point.y)
     ]
+    standing = [
+        number
+        for found in plain[3].values()
+        for number in (found.nominal.mean, found.nominal.best, found.nominal.worst, found.nominal.failed, found.worst.mean)
+    ]
+    assert [float(value) for value in visit.values("#comparison")] == standing
+    assert visit.page.locator("#comparison tbody th").all_text_contents() == ["scheduled", "P", "P + feed-forward"]
     parameters = [value for value in schedule.actuator.parameters().values() if value is not None]
     assert [float(value) for value in visit.values("#provenance")] == parameters
 
@@ -234,7 +245,7 @@ def test_a_worst_point_is_shown_by_its_button_on_its_plant(visit, plain):
 
 
 def test_motions_are_those_of_the_validation_and_of_the_other_regulators(visit, plain):
-    schedule, validation, _ = plain
+    schedule, validation, *_ = plain
     traces = json.loads(visit.page.text_content("#data"))["traces"]
     assert [trace["name"] for trace in traces] == [run.scenario.name for run in validation.runs]
     assert [motion["label"] for motion in traces[0]["motions"]] == ["scheduled", "fixed"]
@@ -302,8 +313,7 @@ class Collector(HTMLParser):
 
 
 def test_the_page_is_one_small_file_without_references(plain, tmp_path):
-    schedule, validation, fixed = plain
-    path = write_report(tmp_path / "report.html", schedule, validation, beside={"fixed": fixed})
+    path = write_plain(tmp_path / "report.html", plain)
     assert path.stat().st_size <= 2_000_000
     collector = Collector()
     collector.feed(path.read_text("utf-8"))
@@ -311,24 +321,24 @@ def test_the_page_is_one_small_file_without_references(plain, tmp_path):
     assert collector.tags.count("script") == 2
     sources = [part.read_text("utf-8") for part in files("hydroctl.report").joinpath("templates").iterdir()]
     assert not any(re.search(r"url\((?!#)|@import|fetch\(|XMLHttpRequest|\bimport\b", source) for source in sources)
-    assert write_report(tmp_path / "again.html", schedule, validation, beside={"fixed": fixed}).read_bytes() == path.read_bytes()
+    assert write_plain(tmp_path / "again.html", plain).read_bytes() == path.read_bytes()
 
 
 def test_a_schedule_for_another_machine_cannot_stand_beside(plain):
-    schedule, validation, fixed = plain
+    schedule, validation, fixed, _ = plain
     other = replace(fixed, actuator=fixed.actuator.replace(mass=400.0))
     with pytest.raises(hc.InputError, match="'light' is for another machine"):
         page(schedule, validation, beside={"light": other})
 
 
 def test_a_place_that_cannot_be_written_is_named(plain, tmp_path):
-    schedule, validation, _ = plain
+    schedule, validation, *_ = plain
     with pytest.raises(hc.InputError, match=r"none.report.html cannot be written"):
         write_report(tmp_path / "none" / "report.html", schedule, validation)
 
 
 def test_a_failed_run_stands_with_its_reason(plain):
-    schedule, validation, _ = plain
+    schedule, validation, *_ = plain
     broken = replace(validation.runs[0], trajectory=None, metrics=None, reason="overflow <here>")
     text = page(schedule, replace(validation, runs=(broken, *validation.runs[1:])))
     assert "overflow <here>" not in text
