@@ -164,7 +164,7 @@ function start() {
   for (const button of document.querySelectorAll("button.show")) {
     button.addEventListener("click", () => show(Number(button.dataset.x), Number(button.dataset.y), button.dataset.plant));
   }
-  const all = () => { map(); motions(); refresh(); };
+  const all = () => { widths.clear(); map(); motions(); refresh(); };
   addEventListener("resize", all);
   addEventListener("beforeprint", all);
   all();
