@@ -159,12 +159,13 @@ def report(
 ) -> None:
     """Write the report page of a schedule: verdicts, maps, motions, and an explorer of its loop, in one HTML file."""
     from .report import write_report
+    from .validation import against_rivals
 
     loaded = hydroctl.load_schedule(schedule)
     validation = hydroctl.validate(loaded.actuator, loaded)
     settings = {"loop": loaded.loop, "structure": loaded.structure, "specification": loaded.specification}
     fixed = hydroctl.tune_fixed(loaded.actuator, loaded.design_x, loaded.design_y, **settings)
-    write_report(path, loaded, validation, beside={"fixed": fixed})
+    write_report(path, loaded, validation, beside={"fixed": fixed}, comparison=against_rivals(loaded, fixed))
     typer.echo(f"written to {path}")
 
 

@@ -5,14 +5,13 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from .actuator import Actuator
-from .errors import InfeasibleError, InputError
+from .errors import InputError
 from .files import make_directory, write_file
 from .linearization import LinearFamily, linearize
 from .operating_point import OperatingPoints, find_operating_points
@@ -23,16 +22,7 @@ from .specification import Specification
 from .summary import summarize, to_dict
 from .surfaces import PoorFitWarning, fit_surfaces
 from .tuning import default_points, tune, tune_fixed
-from .validation import (
-    Standing,
-    ValidationReport,
-    Verdict,
-    proportional_rivals,
-    standings,
-    step_scenarios,
-    tracking_scenarios,
-    validate,
-)
+from .validation import Standing, ValidationReport, Verdict, against_rivals, validate
 from .verdicts import margin_verdicts
 
 _BETWEEN = np.array([0.1, 0.2, 0.4, 0.6, 0.8])
@@ -66,21 +56,9 @@ def design(
     verdicts = stage("margins", lambda: margin_verdicts(schedule))
     validation = stage("validation", lambda: validate(actuator, schedule))
     fixed_validation = stage("validation of the fixed regulator", lambda: validate(actuator, fixed))
-    comparison = stage("comparison", lambda: _against_rivals(schedule, fixed))
+    comparison = stage("comparison", lambda: against_rivals(schedule, fixed))
     evidence = (verdicts, validation, fixed_validation, comparison)
     return Design(actuator, points, family, reduced, model, remarks, schedule, fixed, *evidence, seconds)
-
-
-def _against_rivals(schedule: GainSchedule, fixed: GainSchedule) -> dict[str, Standing]:
-    """How `schedule`, a bare P and a P with feed-forward stand against `fixed`: steps, ramps, sines and loads on all plants of
-    the design."""
-    schedules = {"fixed": fixed, "scheduled": schedule}
-    with suppress(InfeasibleError):
-        schedules |= proportional_rivals(schedule)
-    machine, common = schedule.actuator, {"Ts": schedule.Ts}
-    scenarios = [*step_scenarios(machine, schedule.loop, **common), *tracking_scenarios(machine, schedule.loop, **common)]
-    asked = {"scenarios": scenarios, "variants": "design", "requirements": ()}
-    return standings({name: validate(machine, each, **asked) for name, each in schedules.items()})
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +99,7 @@ class Design:
         return to_dict(self)
 
     def save(self, directory: str | Path) -> list[Path]:
-        """Write schedule.json, margins.csv, summary.txt, report.html and the figures (PNG and SVG), among them one step and one
+        """Write schedule.json, margins.csv, summary.txt, report.html and the figures (SVG), among them one step and one
         saturated motion. Raises InputError where it cannot."""
         from .plotting import design_figures, save_figures
         from .report import write_report
@@ -130,14 +108,13 @@ class Design:
         finished = [run for run in reversed(self.validation.runs) if run.trajectory is not None]
         first = {run.scenario.kind: run for run in finished if run.scenario.kind in ("step", "saturated")}
         motions = [(run.scenario, run.trajectory) for run in first.values()]
+        shown = {"beside": {"fixed": self.fixed}, "comparison": self.comparison, "remarks": self.remarks}
         return [
             self.schedule.save(directory / "schedule.json"),
             write_file(directory / "margins.csv", self.schedule.margins.to_csv().encode()),
             write_file(directory / "summary.txt", (self.summary() + "\n").encode()),
-            write_report(
-                directory / "report.html", self.schedule, self.validation, beside={"fixed": self.fixed}, remarks=self.remarks
-            ),
-            *save_figures(design_figures(self.family, self.schedule, motions), directory),
+            write_report(directory / "report.html", self.schedule, self.validation, **shown),
+            *save_figures(design_figures(self.family, self.schedule, motions), directory, formats=("svg",)),
         ]
 
 

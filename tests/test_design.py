@@ -58,7 +58,7 @@ def test_the_nonlinear_trial_covers_three_positions_both_directions_and_saturati
 
 def test_a_design_is_saved_whole_and_its_schedule_loads(designed, tmp_path):
     written = designed.save(tmp_path / "out")
-    assert {path.name for path in written} >= {"schedule.json", "margins.csv", "summary.txt", "bode.png", "bode.svg"}
+    assert {path.name for path in written} >= {"schedule.json", "margins.csv", "summary.txt", "report.html", "bode.svg"}
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(path.name for path in written)
     assert all(path.stat().st_size > 100 for path in written)
     np.testing.assert_array_equal(hc.load_schedule(tmp_path / "out" / "schedule.json").ki, designed.schedule.ki)

@@ -426,6 +426,12 @@ def test_saving_a_set_draws_and_writes_each_under_its_name(figures, tmp_path):
     assert sorted(tmp_path.iterdir()) == sorted(written)
 
 
+def test_one_format_can_be_asked_for_and_a_misspelt_one_is_named(figures, tmp_path):
+    assert plotting.save_figure(figures["gains"](), tmp_path, "gains", formats=("svg",)) == [tmp_path / "gains.svg"]
+    with pytest.raises(InputError, match="format 'swg' is unknown; did you mean 'svg'"):
+        plotting.save_figure(figures["gains"](), tmp_path, "gains", formats=("swg",))
+
+
 def test_a_place_that_cannot_be_written_is_named(figures, tmp_path):
     with pytest.raises(InputError, match="missing"):
         plotting.save_figure(figures["gains"](), tmp_path / "missing", "gains")

@@ -68,7 +68,7 @@ def _plant_table(machine: Actuator, openings: np.ndarray) -> dict:
     M = family.A * scale / (scale * stiff)[:, None]
     entry = (family.B[..., 0] / (scale * stiff))[..., :2]
     rows = np.concatenate([M.reshape(-1, 9), entry, np.stack([points.p_a, points.p_b, points.v], axis=-1)], axis=-1)
-    reasons = {str(i): reason for i, reason in enumerate(points.reason) if reason}
+    reasons = {str(i): reason.partition(": ")[2] for i, reason in enumerate(points.reason) if reason}
     valve = None
     if machine.valve_natural_frequency is not None:
         valve = {"natural_frequency": machine.valve_natural_frequency, "damping": machine.valve_damping}

@@ -15,7 +15,7 @@ from ..files import write_file
 from ..margins import MARGIN_UNITS
 from ..schedule import GainSchedule
 from ..schedule_file import document_of
-from ..validation import Comparison, ValidationReport, compare, validate
+from ..validation import Standing, ValidationReport, validate
 from ..verdicts import margin_verdicts
 from .explorer import explorer_data
 from .figures import map_data, trace_data
@@ -44,15 +44,16 @@ def write_report(
     validation: ValidationReport,
     *,
     beside: Mapping[str, GainSchedule] | None = None,
+    comparison: Mapping[str, Standing] | None = None,
     remarks: Sequence[str] = (),
 ) -> Path:
     """Write the page on `schedule` and its `validation` to `path`, atomically, as one HTML file.
 
-    `beside`: other schedules for the same machine, loop and sampling, by name, that are tried in the same scenarios; the first is
-    the baseline of the comparison. `remarks`: sentences that stand under the verdict. Raises InputError where a schedule does not
-    fit the first or the file cannot be written.
+    `beside`: other schedules for the same machine, loop and sampling, by name, which explorer and motions show too.
+    `comparison`: how schedules stand against a baseline, as `validation.standings`. `remarks`: sentences that stand under the
+    verdict. Raises InputError where a schedule does not fit the first or the file cannot be written.
     """
-    return write_file(path, page(schedule, validation, beside=beside, remarks=remarks).encode())
+    return write_file(path, page(schedule, validation, beside=beside, comparison=comparison, remarks=remarks).encode())
 
 
 def page(
@@ -60,6 +61,7 @@ def page(
     validation: ValidationReport,
     *,
     beside: Mapping[str, GainSchedule] | None = None,
+    comparison: Mapping[str, Standing] | None = None,
     remarks: Sequence[str] = (),
 ) -> str:
     """The text of the page of `write_report`."""
@@ -82,7 +84,7 @@ def page(
         remarks=remarks,
         verdicts=verdicts,
         worst=[(_MARGIN_NAMES[name], schedule.margins.worst(name), unit) for name, unit in MARGIN_UNITS.items()],
-        comparison=_comparison(schedule, beside, scenarios),
+        comparison=comparison or {},
         specification=_specification(schedule),
         parameters=_parameters(schedule),
         law=document_of(schedule).controller.law,
@@ -121,15 +123,6 @@ def _require_alike(schedule: GainSchedule, beside: Mapping[str, GainSchedule]) -
 
     if strange := [name for name, other in beside.items() if kind(other) != kind(schedule)]:
         raise InputError(f"schedule {name!r} is for another machine, loop or sampling; compare what is alike." for name in strange)
-
-
-def _comparison(schedule: GainSchedule, beside: Mapping[str, GainSchedule], scenarios) -> tuple[list[str], list[list]]:
-    """(heads, rows) of the table in which all schedules stand against the first of `beside`."""
-    heads = [field.name.replace("_", " ") for field in dataclasses.fields(Comparison)]
-    if not beside:
-        return heads, []
-    found = compare(schedule.actuator, beside | {"scheduled": schedule}, scenarios=scenarios)
-    return heads, [list(dataclasses.astuple(each)) for each in found]
 
 
 def _specification(schedule: GainSchedule) -> dict[str, object]:

@@ -1,7 +1,7 @@
 """Validation on the nonlinear plant: scenarios, metrics, requirements and the verdict on each."""
 
 from .campaigns import CampaignResult, campaign, replay
-from .comparison import Comparison, Standing, compare, compare_reports, proportional_rivals, rivals, standings
+from .comparison import Comparison, Standing, against_rivals, compare, compare_reports, proportional_rivals, rivals, standings
 from .metrics import Metrics, measure
 from .report import Run, ValidationReport, validate
 from .scale import Scale, scale_of
@@ -18,6 +18,7 @@ __all__ = [
     "Standing",
     "ValidationReport",
     "Verdict",
+    "against_rivals",
     "campaign",
     "compare",
     "compare_reports",

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..actuator import Actuator
-from ..errors import InputError
+from ..errors import InfeasibleError, InputError
 from ..simulation import Scenario
 from ..tuning import tune_fixed
 from .plants import plants_of
 from .report import ValidationReport, validate
-from .scenarios import library
+from .scenarios import library, step_scenarios, tracking_scenarios
 
 if TYPE_CHECKING:
     from ..schedule import GainSchedule
@@ -120,6 +121,18 @@ def standings(reports: Mapping[str, ValidationReport]) -> dict[str, Standing]:
         worst = max(labels, key=lambda label, k=k: each[label][k].mean)
         found[name] = Standing(each[labels[0]][k], each[worst][k], worst)
     return found
+
+
+def against_rivals(schedule: GainSchedule, fixed: GainSchedule) -> dict[str, Standing]:
+    """How `schedule`, and a bare P and a P with feed-forward where a P can meet the limits, stand against `fixed`: steps, ramps,
+    sines and loads on all plants of the design."""
+    schedules = {"fixed": fixed, "scheduled": schedule}
+    with suppress(InfeasibleError):
+        schedules |= proportional_rivals(schedule)
+    machine, common = schedule.actuator, {"Ts": schedule.Ts}
+    scenarios = [*step_scenarios(machine, schedule.loop, **common), *tracking_scenarios(machine, schedule.loop, **common)]
+    asked = {"scenarios": scenarios, "variants": "design", "requirements": ()}
+    return standings({name: validate(machine, each, **asked) for name, each in schedules.items()})
 
 
 def _part(report: ValidationReport, variant: str) -> ValidationReport:

@@ -10,9 +10,17 @@ function element(name, attributes, ...children) {
   return made;
 }
 
+// The width that a figure has on the page, measured once: asking again after every drawing makes the browser lay out the page anew.
+const widths = new Map();
+
+function widthOf(svg) {
+  if (!widths.has(svg.id)) widths.set(svg.id, Math.max(240, svg.parentElement.clientWidth || 480));
+  return widths.get(svg.id);
+}
+
 // Draws into `svg`. x, y: { label, range: [low, high], log, steps }, `steps` between ticks to choose from. series: { kind, points: [[x, y], ...], className }.
 function drawChart(svg, { x, y, series, height = 250, square = false, description }) {
-  const width = Math.max(240, svg.parentElement.clientWidth || 480);
+  const width = widthOf(svg);
   const tall = square ? Math.min(width, 380) : height;
   const frame = { left: ROOM.left, right: width - ROOM.right, top: ROOM.top, bottom: tall - ROOM.bottom };
   const toX = scale(x, square ? widened(x, y, frame) : x.range, frame.left, frame.right);

@@ -55,9 +55,12 @@ function refresh() {
 }
 
 function listGains(gains) {
-  const shaped = data.regulators.some(({ zz, zp, sections }) => zz !== zp || sections.length);
-  const used = GAIN_NAMES.filter((name) => (name === "notch_frequency" ? shaped : gains[name] !== 0));
+  const used = GAIN_NAMES.filter((name) => data.regulators.some((regulator) => uses(regulator, name)));
   list("gains", used.map((name) => [name.replace("_", " "), gains[name], 1, data.units[name]]));
+}
+
+function uses({ tables, zz, zp, sections }, name) {
+  return name === "notch_frequency" ? zz !== zp || sections.length > 0 : tables[name].flat().some((value) => value !== 0);
 }
 
 // Rows of [name, value in SI, factor for display, unit] into a table body; a complex value is a pair.
@@ -161,7 +164,7 @@ function start() {
   for (const button of document.querySelectorAll("button.show")) {
     button.addEventListener("click", () => show(Number(button.dataset.x), Number(button.dataset.y), button.dataset.plant));
   }
-  const all = () => { map(); motions(); refresh(); };
+  const all = () => { widths.clear(); map(); motions(); refresh(); };
   addEventListener("resize", all);
   addEventListener("beforeprint", all);
   all();

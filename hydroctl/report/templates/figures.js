@@ -19,7 +19,7 @@ function colour(fraction) {
 // Draws one layer of the map; `choose(x, y)` is called for a clicked cell.
 function drawMap({ x, y, layers }, index, choose) {
   const { label, unit, worst, values } = layers[index], svg = byId("map-figure");
-  const width = Math.max(240, svg.parentElement.clientWidth || 480), height = 330;
+  const width = widthOf(svg), height = 330;
   const frame = { left: 58, right: width - 84, top: 8, bottom: height - 40 };
   const wide = (frame.right - frame.left) / y.length, tall = (frame.bottom - frame.top) / x.length;
   const measure = unit === "1" ? "" : ` ${unit}`;

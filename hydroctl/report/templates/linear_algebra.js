@@ -116,33 +116,58 @@ function hessenberg({ A, B, C, D }) {
   return { A: a, B: b, C: c, D };
 }
 
-// C (z I - A)^-1 B of a system in Hessenberg form with one input and one output, at a complex z.
-function response({ A, B, C }, [zr, zi]) {
-  const n = A.length;
-  const re = A.map((row, i) => Float64Array.from([...row.map((value, j) => (i === j ? zr - value : -value)), B[i][0]]));
-  const im = A.map((_, i) => { const row = new Float64Array(n + 1); row[i] = zi; return row; });
-  for (let k = 0; k < n - 1; k++) {
-    const above = Math.abs(re[k][k]) + Math.abs(im[k][k]), below = Math.abs(re[k + 1][k]) + Math.abs(im[k + 1][k]);
-    if (below > above) { [re[k], re[k + 1]] = [re[k + 1], re[k]]; [im[k], im[k + 1]] = [im[k + 1], im[k]]; }
-    const [fr, fi] = divide([re[k + 1][k], im[k + 1][k]], [re[k][k], im[k][k]]);
-    for (let j = k; j <= n; j++) {
-      const ur = re[k][j], ui = im[k][j];
-      re[k + 1][j] -= fr * ur - fi * ui;
-      im[k + 1][j] -= fr * ui + fi * ur;
+// The function z -> C (z I - A)^-1 B, for complex z, of a system with one input and one output: elimination on the Hessenberg form,
+// in arrays of n rows of n + 1 columns that are kept from call to call.
+function frequencyResponse(system) {
+  const { A, B, C } = hessenberg(balanced(system)), n = A.length, wide = n + 1;
+  const negative = Float64Array.from(A.flatMap((row, i) => [...row.map((value) => -value), B[i][0]]));
+  const re = new Float64Array(n * wide), im = new Float64Array(n * wide);
+  return ([zr, zi]) => {
+    re.set(negative);
+    im.fill(0);
+    for (let i = 0; i < n; i++) { re[i * wide + i] += zr; im[i * wide + i] = zi; }
+    for (let k = 0; k < n - 1; k++) {
+      const top = k * wide, low = top + wide;
+      if (Math.abs(re[low + k]) + Math.abs(im[low + k]) > Math.abs(re[top + k]) + Math.abs(im[top + k])) {
+        for (let j = k; j <= n; j++) {
+          const r = re[top + j], m = im[top + j];
+          re[top + j] = re[low + j]; im[top + j] = im[low + j];
+          re[low + j] = r; im[low + j] = m;
+        }
+      }
+      if (re[low + k] === 0 && im[low + k] === 0) continue;
+      const square = re[top + k] * re[top + k] + im[top + k] * im[top + k];
+      const fr = (re[low + k] * re[top + k] + im[low + k] * im[top + k]) / square;
+      const fi = (im[low + k] * re[top + k] - re[low + k] * im[top + k]) / square;
+      for (let j = k + 1; j <= n; j++) {
+        re[low + j] -= fr * re[top + j] - fi * im[top + j];
+        im[low + j] -= fr * im[top + j] + fi * re[top + j];
+      }
     }
-  }
-  const state = new Array(n);
-  let sum = [0, 0];
+    return backSubstituted(re, im, C[0], n);
+  };
+}
+
+// The sum of `weights` times the solution of the triangular equations; the right side is the last column, which it overwrites.
+function backSubstituted(re, im, weights, n) {
+  const wide = n + 1;
+  let real = 0, imaginary = 0;
   for (let i = n - 1; i >= 0; i--) {
-    let r = re[i][n], m = im[i][n];
+    const row = i * wide;
+    let r = re[row + n], m = im[row + n];
     for (let j = i + 1; j < n; j++) {
-      r -= re[i][j] * state[j][0] - im[i][j] * state[j][1];
-      m -= re[i][j] * state[j][1] + im[i][j] * state[j][0];
+      const sr = re[j * wide + n], si = im[j * wide + n];
+      r -= re[row + j] * sr - im[row + j] * si;
+      m -= re[row + j] * si + im[row + j] * sr;
     }
-    state[i] = divide([r, m], [re[i][i], im[i][i]]);
-    sum = [sum[0] + C[0][i] * state[i][0], sum[1] + C[0][i] * state[i][1]];
+    const dr = re[row + i], di = im[row + i], square = dr * dr + di * di;
+    const solved = (r * dr + m * di) / square, other = (m * dr - r * di) / square;
+    re[row + n] = solved;
+    im[row + n] = other;
+    real += weights[i] * solved;
+    imaginary += weights[i] * other;
   }
-  return sum;
+  return [real, imaginary];
 }
 
 // Eigenvalues of a real matrix, largest modulus first: shifted QR steps on the balanced Hessenberg form.

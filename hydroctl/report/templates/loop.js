@@ -158,8 +158,8 @@ function frequencies(Ts, { natural, damping }) {
 
 // { omega, L, gainCrossings, phaseCrossings, margins } of the open loop; margins in SI, infinite where nothing crosses.
 function analyse(open, Ts, modes) {
-  const system = hessenberg(balanced(open));
-  const at = (omega) => response(system, [Math.cos(omega * Ts), Math.sin(omega * Ts)]);
+  const response = frequencyResponse(open);
+  const at = (omega) => response([Math.cos(omega * Ts), Math.sin(omega * Ts)]);
   const omega = frequencies(Ts, modes), L = omega.map(at);
   const gainCrossings = crossings(omega, L, at, (value) => modulus(value) - 1);
   const phaseCrossings = crossings(omega, L, at, (value) => value[1]).filter(({ L }) => L[0] < 0);
