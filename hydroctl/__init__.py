@@ -37,6 +37,7 @@ _HOME = {
     "as_nonlinear_system": "plant",
     "campaign": "validation",
     "characterize": "characteristics",
+    "check_coupling": "coupling",
     "compare": "validation",
     "design": "design",
     "export_schedule": "export",

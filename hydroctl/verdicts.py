@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from .coupling import check_coupling
 from .margins import MARGIN_UNITS
 from .schedule import GainSchedule, WorstPoint
 from .schedule_document import GAIN_UNITS
@@ -17,7 +18,8 @@ _LINEAR_PROGRAM = 1.0 + 1e-6
 
 
 def margin_verdicts(schedule: GainSchedule) -> tuple[Verdict, ...]:
-    """Every limit of the specification at the design points and between them, and unstable loops, over all variants."""
+    """Every limit of the specification at the design points and between them, and unstable loops, frozen and scheduled, over all
+    variants."""
     specification, margins = schedule.specification, schedule.margins
     between = between_points(specification)
     verdicts = []
@@ -37,7 +39,15 @@ def margin_verdicts(schedule: GainSchedule) -> tuple[Verdict, ...]:
     variant = margins.variants[k] if margins.unstable else "all variants"
     count = float(margins.unstable)
     verdicts.append(Verdict("unstable closed loops", "", "poles of the sampled loop", 0.0, count, count == 0.0, place, variant))
-    return tuple(verdicts)
+    return (*verdicts, _coupling_verdict(schedule))
+
+
+def _coupling_verdict(schedule: GainSchedule) -> Verdict:
+    coupled = check_coupling(schedule)
+    _, variant, x, y = coupled.worst
+    count, name = float(coupled.unstable), "unstable loops with the slopes of the gains"
+    place = f"x={x:g}, y={y:g} m"
+    return Verdict(name, "", "poles of the linearized law that runs", 0.0, count, count == 0.0, place, variant)
 
 
 def _minimum_verdicts(schedule: GainSchedule):

@@ -28,7 +28,7 @@ LAYERS = (
     ("test_vectors", "schedule_document"),
     ("schedule_file",),
     ("schedule",),
-    ("tuning",),
+    ("tuning", "coupling"),
     ("validation", "synchronization"),
     ("testing", "verdicts"),
     ("export",),

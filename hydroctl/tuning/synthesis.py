@@ -109,7 +109,14 @@ def _require_crossover(task: Task, regulators: Regulators) -> None:
 
 
 def assemble_schedule(task: Task, nodes, regulators: Regulators) -> GainSchedule:
-    """The schedule of `regulators` at `nodes` (x, y)."""
+    """The schedule of `regulators` at `nodes` (x, y). InputError where the set-point weight would make it oscillate."""
+    b = task.specification.set_point_weight
+    if task.loop == "position" and b != 1.0 and np.ptp(regulators.kp, axis=0).any():
+        raise InputError(
+            f"set_point_weight = {b:g} with kp scheduled on x: the part (b - 1) kp r of the command changes with the command "
+            "itself, through kp(x), and the loop oscillates (see check_coupling). Use set_point_weight = 1, points at a single "
+            "opening x, or tune_fixed."
+        )
     return GainSchedule(
         actuator=task.actuator,
         specification=task.specification,
