@@ -9,7 +9,7 @@ u_0. With an integral e is 0, so that ki has no part: it multiplies the error be
 With b = 1 kp has none either. There remain (b - 1) r dkp; without an integral u_0 dkp/kp; for a derivative on the measurement of a
 moving cylinder -v_0 dkd; and the transients of notch and sections when wn moves under u_0. They are collected by linearizing the
 law that runs, gain lookup included, by central differences, and are closed over the sampled plants with the position as a state,
-which is exact for the plant: at an operating point its slopes do not depend on y. (Rugh, Shamma: Research on gain scheduling, 2000.)
+which is exact for the plant: at an operating point its slopes do not depend on y. (Rugh, Shamma: Research on gain scheduling.)
 
 u_0 is the whole opening, as if nothing were fed forward: the worst case. Slopes jump at the nodes, so that every cell of the table
 is looked at in its middle and just inside its edges. The motion of a velocity loop leaves one pole at 1, the position itself, which

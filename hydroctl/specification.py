@@ -15,6 +15,7 @@ VARIATIONS = {"bulk_modulus": 0.3, "mass": 0.5, "supply_pressure": 0.2}
 """What a machine is expected to vary by: relative half-widths"""
 _HIGH_SUPPLY = 1.0 + VARIATIONS["supply_pressure"]
 _CORNERS = {name: (1.0 - VARIATIONS[name], 1.0 + VARIATIONS[name]) for name in ("bulk_modulus", "mass")}
+_NAMED = ("nominal", "corners", "one-at-a-time")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +31,8 @@ class Specification:
     Mt: float = 1.3
     """largest |T| allowed, above 1"""
     uncertainty: str | Mapping[str, tuple[float, float]] = "corners"
-    """"nominal", "corners" (nominal; bulk modulus +-30 % with mass +-50 % at supply +20 %) or {parameter: (low, high) factors}"""
+    """"nominal", "corners" (nominal; bulk modulus +-30 % with mass +-50 % at supply +20 %), "one-at-a-time" (nominal; each of these
+    alone, at nominal supply) or {parameter: (low, high) factors}, of which every combination counts"""
     gain_margin: float | None = None
     """least factor above 1 that may bring L to -1; None: no limit beside Ms and Mt"""
     phase_margin: float | None = None
@@ -113,9 +115,9 @@ def _law_faults(specification: Specification) -> list[str]:
 
 def _uncertainty_faults(uncertainty) -> list[str]:
     if isinstance(uncertainty, str):
-        return [] if uncertainty in ("nominal", "corners") else [unknown_name("uncertainty", uncertainty, ("nominal", "corners"))]
+        return [] if uncertainty in _NAMED else [unknown_name("uncertainty", uncertainty, _NAMED)]
     if not isinstance(uncertainty, Mapping):
-        return [f'uncertainty = {uncertainty!r} must be "nominal", "corners" or factors such as {{"mass": (0.5, 1.5)}}.']
+        return [f'uncertainty = {uncertainty!r} must be one of {", ".join(_NAMED)}, or factors such as {{"mass": (0.5, 1.5)}}.']
     if not uncertainty:
         return ['uncertainty names no parameter; write "nominal" for the nominal plant alone.']
     faults = [unknown_name("parameter", name, PARAMETERS) for name in uncertainty if name not in PARAMETERS]
@@ -130,17 +132,28 @@ def variants(actuator: Actuator, uncertainty: str | Mapping[str, tuple[float, fl
 
     Raises InputError for a factor on a parameter that the actuator does not have or that is 0.
     """
-    if uncertainty == "nominal":
-        return {"nominal": actuator}
-    ranges = _CORNERS if uncertainty == "corners" else uncertainty
-    common = {"supply_pressure": _HIGH_SUPPLY} if uncertainty == "corners" else {}
-    if absent := [name for name in ranges if not getattr(actuator, name)]:
+    if absent := [name for name in _ranges(uncertainty) if not getattr(actuator, name)]:
         raise InputError(f"uncertainty of {name} varies nothing: it is {getattr(actuator, name)}." for name in absent)
     plants = {"nominal": actuator}
-    for factors in itertools.product(*ranges.values()):
-        change = dict(zip(ranges, factors, strict=True)) | common
+    for change in _changes(uncertainty):
         plants[_label(change)] = actuator.replace(**{name: getattr(actuator, name) * factor for name, factor in change.items()})
     return plants
+
+
+def _ranges(uncertainty) -> Mapping[str, tuple[float, float]]:
+    if isinstance(uncertainty, str):
+        return {} if uncertainty == "nominal" else _CORNERS
+    return uncertainty
+
+
+def _changes(uncertainty) -> list[dict[str, float]]:
+    """The factors of every plant beside the nominal one."""
+    ranges = _ranges(uncertainty)
+    if uncertainty == "one-at-a-time":
+        return [{name: factor} for name, factors in ranges.items() for factor in factors]
+    common = {"supply_pressure": _HIGH_SUPPLY} if uncertainty == "corners" else {}
+    combined = itertools.product(*ranges.values()) if ranges else []
+    return [dict(zip(ranges, factors, strict=True)) | common for factors in combined]
 
 
 def _label(change: Mapping[str, float]) -> str:

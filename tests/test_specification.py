@@ -14,6 +14,28 @@ def test_corners_are_the_nominal_plant_and_four_corners_at_high_supply(reference
     assert all(p.supply_pressure == pytest.approx(1.2 * reference.supply_pressure, rel=1e-15) for p in plants.values())
 
 
+def test_one_at_a_time_changes_one_parameter_of_each_plant_at_nominal_supply(reference):
+    plants = variants(reference, "one-at-a-time")
+    assert plants.pop("nominal") is reference
+    changes = [
+        {name: value / getattr(reference, name) for name, value in plant.parameters().items() if value != getattr(reference, name)}
+        for plant in plants.values()
+    ]
+    expected = [{"bulk_modulus": 0.7}, {"bulk_modulus": 1.3}, {"mass": 0.5}, {"mass": 1.5}]
+    assert changes == [pytest.approx(change, rel=1e-15) for change in expected]
+
+
+def test_one_at_a_time_lies_between_nominal_and_corners(reference):
+    """Fewer demands allow more gain; supply +20 % alone, which only the corners hold, multiplies the plant's gain by its root."""
+    ki = {
+        name: hc.tune(
+            reference, [0.1], [0.25], specification=hc.Specification(uncertainty=name, notch_damping=(0.3, 0.8))
+        ).ki.item()
+        for name in ("nominal", "one-at-a-time", "corners")
+    }
+    assert ki["nominal"] > ki["one-at-a-time"] > 1.2**0.5 * 0.98 * ki["corners"]
+
+
 def test_ranges_of_any_parameter_give_every_combination_of_their_ends(reference):
     plants = variants(reference, {"mass": (0.5, 2.0), "leakage": (0.1, 10.0), "viscous_friction": (1.0, 3.0)})
     assert len(plants) == 9
