@@ -63,6 +63,7 @@ _HOME = {
     "tune": "tuning",
     "tune_fast": "tuning",
     "tune_fixed": "tuning",
+    "tune_search": "tuning",
     "validate": "validation",
 }
 

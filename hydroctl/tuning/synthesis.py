@@ -34,13 +34,17 @@ def tune(
     x must not hold 0 (see `GainSchedule`). Raises InputError for points that no linear model can describe, InfeasibleError
     where no gain meets the limits, or their largest crossover is below `min_crossover`.
     """
-    task = task_of(actuator, x, y, loop, structure, specification)
+    return schedule_for(task_of(actuator, x, y, loop, structure, specification))
+
+
+def schedule_for(task: Task) -> GainSchedule:
+    """The schedule of `tune` for a task."""
     schedule = _scheduled(task)
     for _ in range(_DENSER):
         x, y = _needed_points(schedule)
         if x.size == task.x.size and y.size == task.y.size:
             break
-        task = task_of(actuator, x, y, loop, structure, specification)
+        task = task.at(x, y)
         schedule = _scheduled(task)
     return schedule
 

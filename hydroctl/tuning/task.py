@@ -46,6 +46,8 @@ class Task:
     y: np.ndarray
     labels: tuple[str, ...]
     plants: SampledFamily
+    notch_ratio: float = 1.0
+    """where notch and sections stand, over the plant's natural frequency"""
 
     def part(self, rows, columns) -> Task:
         """The same task at some of the points."""
@@ -53,14 +55,19 @@ class Task:
         plants = self.plants.take(flat.ravel()).reshape(*flat.shape)
         return replace(self, x=self.x[rows], y=self.y[columns], plants=plants)
 
+    def at(self, x: np.ndarray, y: np.ndarray) -> Task:
+        """The same task at other points."""
+        _, plants = sampled_plants(self.actuator, x, y, self.loop, self.specification)
+        return replace(self, x=x, y=y, plants=plants)
+
     def place(self, k: int, i: int, j: int) -> str:
         """The words for plant k at point (i, j)."""
         return f"x={self.x[i]:g}, y={self.y[j]:g} m, {self.labels[k]} plant"
 
     @property
     def natural(self) -> np.ndarray:
-        """(nx, ny) natural frequencies of the nominal plant, rad/s."""
-        return self.plants.resonance[0, ..., 0]
+        """(nx, ny) rad/s: where notch and sections stand, in proportion to the natural frequency of the nominal plant."""
+        return self.notch_ratio * self.plants.resonance[0, ..., 0]
 
     @property
     def used(self) -> list[int]:

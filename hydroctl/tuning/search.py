@@ -1,0 +1,160 @@
+"""`tune_search`: what enters the loop nonlinearly, found around the convex tuner.
+
+For fixed notch, sections and derivative filter the best gains are a convex matter (see `convex`). These settings themselves are
+searched: on a coarse grid around those of the specification, then by Nelder-Mead from the best of them. Every trial is a full
+convex design at a few points, on all plants, and counts only if the poles of its sampled loops are stable. The settings are scaled
+logarithmically; the first trial is the specification as it stands, so that the outcome is never worse.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..actuator import Actuator
+from ..errors import InfeasibleError, InputError
+from ..regulators import GAINS, section_count
+from ..schedule import GainSchedule
+from ..specification import Specification
+from .nodes import mixing_matrix
+from .refinement import Problem, rough_gains
+from .synthesis import schedule_for
+from .task import Task, task_of
+
+_GRID = (0.6, 1.0, 1.7)
+"""multiples of each setting of the specification"""
+_BOUNDS = {
+    "notch_ratio": (0.6, 1.5),
+    "zz": (0.05, 1.0),
+    "zp": (0.2, 3.0),
+    "Tf": (0.2, 20.0),
+    "zero": (0.1, 5.0),
+    "pole": (0.1, 5.0),
+}
+"""Tf over that of the specification, the corners of the first section over the notch frequency"""
+_BELOW_NYQUIST = 0.95
+_TRIALS = 60
+_REPRESENTATIVE = (0.0, 0.5, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class SearchedTuning:
+    """The schedule with the best settings that were found, and how they compare."""
+
+    schedule: GainSchedule
+    settings: dict[str, float]
+    """notch_ratio (notch frequency over natural frequency), zz, zp, Tf in s, zero and pole of the first section: those searched"""
+    improvement: float
+    """the gain that `tune` maximizes, over that with the specification's own settings (geometric mean over the points)"""
+    trials: tuple[tuple[dict[str, float], float], ...]
+    """(settings, gain over the specification's own at a few points) of every trial; 0 where no stable design was found"""
+
+
+def tune_search(
+    actuator: Actuator, x, y, *, loop: str = "velocity", structure: str = "pi+notch", specification: Specification | None = None
+) -> SearchedTuning:
+    """As `tune`, with notch dampings and frequency, derivative filter and the first lead-lag section searched for the largest gain.
+
+    Those that `structure` has are searched; a second section stays as specified, because a slower lag always gives more integral
+    gain. Raises InputError for a structure with nothing to search, else as `tune` does.
+    """
+    task = task_of(actuator, x, y, loop, structure, specification)
+    own = _settings(task)
+    if not own:
+        raise InputError(f"structure {structure!r} has neither notch nor section nor derivative to be searched for; use tune.")
+    few = task.part(_spread(task.x.size), _spread(task.y.size))
+    trials: list[tuple[dict[str, float], float]] = []
+    base = _gain(few)
+
+    def score(settings: dict[str, float]) -> float:
+        found = _gain(_with(few, settings)) / base
+        trials.append((settings, found))
+        return found
+
+    highest = _BELOW_NYQUIST * np.pi / (task.specification.sample_time * task.natural.max())
+    best = _best_settings(own, highest, score)
+    schedule, plain = schedule_for(_with(task, best)), schedule_for(task)
+    improvement = _mean(task, schedule) / _mean(task, plain)
+    if improvement < 1.0:
+        schedule, best, improvement = plain, own, 1.0
+    return SearchedTuning(schedule, best, improvement, tuple(trials))
+
+
+def _settings(task: Task) -> dict[str, float]:
+    """The settings of the specification that the structure uses."""
+    specification, found = task.specification, {}
+    if "notch" in task.structure:
+        found |= {"notch_ratio": task.notch_ratio, **dict(zip(("zz", "zp"), specification.notch_damping, strict=True))}
+    if section_count(task.structure):
+        found |= dict(zip(("zero", "pole"), specification.lead_lag[0], strict=True))
+    if "kd" in [GAINS[i] for i in task.used]:
+        found["Tf"] = specification.Tf
+    return found
+
+
+def _with(task: Task, settings: dict[str, float]) -> Task:
+    """The task with other settings; those that are not named stay."""
+    s = _settings(task) | settings
+    specification = task.specification
+    changed = {"Tf": s.get("Tf", specification.Tf)}
+    if "zz" in s:
+        changed["notch_damping"] = (s["zz"], s["zp"])
+    if "zero" in s:
+        changed["lead_lag"] = ((s["zero"], s["pole"]), *specification.lead_lag[1:])
+    return replace(task, specification=replace(specification, **changed), notch_ratio=s.get("notch_ratio", task.notch_ratio))
+
+
+def _spread(size: int) -> np.ndarray:
+    """Indices of the first, the middle and the last of `size` points."""
+    return np.unique([round(share * (size - 1)) for share in _REPRESENTATIVE])
+
+
+def _gain(task: Task) -> float:
+    """The gain that the tuner maximizes: geometric mean over the points, each on its own; 0 where a loop is not stable."""
+    problem = Problem(task, task.natural, mixing_matrix(task.x, task.y, task.x, task.y), np.ones(task.natural.size))
+    try:
+        gains = rough_gains(problem)
+    except InfeasibleError:
+        return 0.0
+    if not np.abs(problem.loops(gains).poles()).max() < 1.0:
+        return 0.0
+    return float(np.exp(np.log(np.maximum(gains[:, task.objective], np.finfo(float).tiny)).mean()))
+
+
+def _mean(task: Task, schedule: GainSchedule) -> float:
+    gains = getattr(schedule.gains(task.x[:, None], task.y), GAINS[task.used[task.objective]])
+    return float(np.exp(np.log(gains).mean()))
+
+
+def _best_settings(own: dict[str, float], highest_ratio: float, score) -> dict[str, float]:
+    """The settings with the largest score: the grid first, then Nelder-Mead from its best, both within the bounds."""
+    from scipy.optimize import minimize
+
+    names = list(own)
+    unit = {name: own["Tf"] if name == "Tf" else 1.0 for name in names}
+    bounds = _BOUNDS | {"notch_ratio": (_BOUNDS["notch_ratio"][0], min(_BOUNDS["notch_ratio"][1], highest_ratio))}
+    low, high = (np.log([unit[name] * bounds[name][side] for name in names]) for side in (0, 1))
+
+    def loss(logs) -> float:
+        settings = dict(zip(names, map(float, np.exp(logs)), strict=True))
+        if "zz" in settings and not settings["zz"] < settings["zp"]:
+            return 0.0
+        return -score(settings)
+
+    start = np.log(list(own.values()))
+    grid = [np.clip(start + np.log(steps), low, high) for steps in itertools.product(_GRID, repeat=len(names))]
+    first = [start, *_thinned(grid)]
+    losses = [loss(logs) for logs in first]
+    best = first[int(np.argmin(losses))]
+    simplex = np.clip(np.vstack([best, best + 0.2 * np.eye(len(names))]), low, high)
+    options = {"initial_simplex": simplex, "maxfev": _TRIALS, "xatol": 0.02, "fatol": 2e-3}
+    found = minimize(loss, best, method="Nelder-Mead", bounds=list(zip(low, high, strict=True)), options=options)
+    return dict(zip(names, map(float, np.exp(found.x if found.fun <= min(losses) else best)), strict=True))
+
+
+def _thinned(grid: list) -> list:
+    """At most about `_TRIALS` of the grid's points, evenly."""
+    return grid[:: max(1, math.ceil(len(grid) / _TRIALS))]
