@@ -18,6 +18,7 @@ from ..regulators import Regulators
 from ..specification import Specification
 from .convex import Demands, half_of_largest, largest_gains, retreat, small_gains
 from .limits import Limit, limits_of, phrase
+from .nodes import mixing_matrix
 from .task import Task
 
 _ROUNDS = 10
@@ -41,6 +42,12 @@ class Problem:
     mix: object
     worth: np.ndarray
     """(points,) what the gain that is maximized weighs at each"""
+
+    @classmethod
+    def pointwise(cls, task: Task) -> Problem:
+        """Every point with gains of its own."""
+        points = task.notch_frequency.size
+        return cls(task, task.notch_frequency, mixing_matrix(task.x, task.y, task.x, task.y), np.ones(points))
 
     def regulators(self, gains: np.ndarray) -> Regulators:
         """The regulators (nx, ny) at the points with gains (N, t) at the nodes."""

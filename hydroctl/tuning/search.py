@@ -19,7 +19,6 @@ from ..errors import InfeasibleError, InputError
 from ..regulators import GAINS, section_count
 from ..schedule import GainSchedule
 from ..specification import Specification
-from .nodes import mixing_matrix
 from .refinement import Problem, rough_gains
 from .synthesis import schedule_for
 from .task import Task, task_of
@@ -74,7 +73,7 @@ def tune_search(
         trials.append((settings, found))
         return found
 
-    highest = _BELOW_NYQUIST * np.pi / (task.specification.sample_time * task.natural.max())
+    highest = _BELOW_NYQUIST * np.pi / (task.specification.sample_time * task.notch_frequency.max())
     best = _best_settings(own, highest, score)
     schedule, plain = schedule_for(_with(task, best)), schedule_for(task)
     improvement = _mean(task, schedule) / _mean(task, plain)
@@ -114,7 +113,7 @@ def _spread(size: int) -> np.ndarray:
 
 def _gain(task: Task) -> float:
     """The gain that the tuner maximizes: geometric mean over the points, each on its own; 0 where a loop is not stable."""
-    problem = Problem(task, task.natural, mixing_matrix(task.x, task.y, task.x, task.y), np.ones(task.natural.size))
+    problem = Problem.pointwise(task)
     try:
         gains = rough_gains(problem)
     except InfeasibleError:

@@ -52,18 +52,17 @@ def schedule_for(task: Task) -> GainSchedule:
 def _scheduled(task: Task) -> GainSchedule:
     """The schedule that keeps every limit at the points of `task`."""
     coarse = task.part(*candidates(task.x, task.y))
-    every = mixing_matrix(coarse.x, coarse.y, coarse.x, coarse.y)
-    alone = rough_gains(Problem(coarse, coarse.natural, every, np.ones(coarse.natural.size)))
-    best = alone[:, task.objective].reshape(coarse.natural.shape)
+    alone = rough_gains(Problem.pointwise(coarse))
+    best = alone[:, task.objective].reshape(coarse.notch_frequency.shape)
     rows, columns = choose_nodes(coarse.x, coarse.y, best)
-    nodes, at_nodes = (coarse.x[rows], coarse.y[columns]), np.ravel_multi_index(np.ix_(rows, columns), best.shape).ravel()
-    natural = coarse.natural.ravel()[at_nodes]
+    nodes, at_nodes = (coarse.x[rows], coarse.y[columns]), np.ravel_multi_index(np.ix_(rows, columns), best.shape)
+    frequency = coarse.notch_frequency.ravel()[at_nodes]
     mix = mixing_matrix(*nodes, task.x, task.y)
     worth = 1.0 / (mixing_matrix(coarse.x, coarse.y, task.x, task.y) @ best.ravel())
-    problem = Problem(task, (mix @ natural).reshape(task.natural.shape), mix, worth)
-    gains = exact_gains(problem, alone[at_nodes])
+    problem = Problem(task, (mix @ frequency.ravel()).reshape(task.notch_frequency.shape), mix, worth)
+    gains = exact_gains(problem, alone[at_nodes.ravel()])
     _require_crossover(task, problem.regulators(gains))
-    return assemble_schedule(task, nodes, task.regulators(gains, natural.reshape(rows.size, columns.size)))
+    return assemble_schedule(task, nodes, task.regulators(gains, frequency))
 
 
 def _needed_points(schedule: GainSchedule) -> tuple[np.ndarray, np.ndarray]:
@@ -84,9 +83,9 @@ def tune_fixed(
     plant's natural frequencies. Arguments and errors as in `tune`.
     """
     task = task_of(actuator, x, y, loop, structure, specification)
-    middle = np.sqrt(task.natural.min() * task.natural.max())
+    middle = np.sqrt(task.notch_frequency.min() * task.notch_frequency.max())
     mix = mixing_matrix(task.x[-1:], task.y[-1:], task.x, task.y)
-    problem = Problem(task, np.full(task.natural.shape, middle), mix, np.ones(task.natural.size))
+    problem = Problem(task, np.full(task.notch_frequency.shape, middle), mix, np.ones(task.notch_frequency.size))
     gains = exact_gains(problem, rough_gains(problem))
     _require_crossover(task, problem.regulators(gains))
     nodes = task.x[-1:], task.y[[len(task.y) // 2]]

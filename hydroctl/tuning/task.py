@@ -65,7 +65,7 @@ class Task:
         return f"x={self.x[i]:g}, y={self.y[j]:g} m, {self.labels[k]} plant"
 
     @property
-    def natural(self) -> np.ndarray:
+    def notch_frequency(self) -> np.ndarray:
         """(nx, ny) rad/s: where notch and sections stand, in proportion to the natural frequency of the nominal plant."""
         return self.notch_ratio * self.plants.resonance[0, ..., 0]
 
@@ -126,11 +126,11 @@ def task_of(actuator: Actuator, x, y, loop: str, structure: str, specification: 
     x, y = (np.atleast_1d(np.asarray(values, dtype=float)) for values in (x, y))
     labels, plants = sampled_plants(actuator, x, y, loop, specification)
     task = Task(actuator, specification, loop, structure, x, y, tuple(labels), plants)
-    nyquist = np.pi / specification.sample_time
-    if ("notch" in structure or section_count(structure)) and task.natural.max() >= nyquist:
+    highest = task.notch_frequency.max()
+    if ("notch" in structure or section_count(structure)) and highest >= np.pi / specification.sample_time:
         raise InputError(
-            f"sample_time = {specification.sample_time:g} s: a notch or lead at {task.natural.max():.4g} rad/s, the plant's "
-            f"natural frequency, needs one below {np.pi / task.natural.max():.3g} s. Sample faster or choose a structure without."
+            f"sample_time = {specification.sample_time:g} s: a notch or lead at {highest:.4g} rad/s, the plant's natural "
+            f"frequency, needs one below {np.pi / highest:.3g} s. Sample faster or choose a structure without."
         )
     return task
 
