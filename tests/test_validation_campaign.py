@@ -63,7 +63,7 @@ def test_every_case_sees_its_sensors_and_its_fraction_of_delay():
         for name in METRICS:
             assert result.metrics[name][case] == pytest.approx(getattr(expected, name), rel=1e-9, abs=1e-12, nan_ok=True), name
     exact = campaign(ACTUATOR, given, count=64, seed=5, scenarios=short_scenarios())
-    assert (result.metrics["total_variation"] > exact.metrics["total_variation"]).all()
+    assert (result.metrics["total_variation"] != exact.metrics["total_variation"]).all()
 
 
 def test_cutting_the_work_changes_no_bit():
