@@ -9,7 +9,7 @@ from pathlib import Path
 
 from .measure import document, table
 
-JOBS = {"j2": "one_simulation", "j3": "closed_loop_campaign", "j4": "design_of_a_schedule"}
+JOBS = {"j1": "operating_grid", "j2": "one_simulation", "j3": "closed_loop_campaign", "j4": "design_of_a_schedule"}
 
 
 def main() -> None:

@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 
 import hydroctl as hc
 from hydroctl.validation import campaign, replay
-from hydroctl.validation.campaigns import SPREAD
+from hydroctl.validation.cases import SPREAD
 
 from .measure import Contender, Row, compare
 from .peers import PlainPID, scheduled_pid, slope_function

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import platform
 import statistics
 import sys
@@ -75,7 +76,13 @@ def table(rows: list[Row]) -> str:
 def document(rows: list[Row]) -> dict:
     """What `results.json` holds: the machine, the versions, the rows."""
     versions = {}
-    for name in ("numpy", "scipy", "numba", "control"):
-        versions[name] = metadata.version(name)
-    machine = {"python": platform.python_version(), "machine": platform.machine(), "system": platform.system()}
+    for name in ("numpy", "scipy", "numba", "control", "casadi", "scikit-sundae"):
+        if find_spec({"scikit-sundae": "sksundae"}.get(name, name)):
+            versions[name] = metadata.version(name)
+    machine = {
+        "cores": os.cpu_count(),
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+        "system": platform.system(),
+    }
     return {"machine": machine, "versions": versions, "rows": [asdict(row) for row in rows]}

@@ -11,9 +11,9 @@ from scipy.integrate import solve_ivp
 import hydroctl as hc
 
 from .measure import Contender, Row, compare
-from .peers import slope_function
+from .peers import casadi_slope, slope_function
 
-_RTOL = 2e-6
+_RTOL = 3e-6
 _TIMES = 20
 
 
@@ -53,10 +53,41 @@ def rows(*, smallest: bool) -> list[Row]:
         system = control.nlsys(lambda t, z, u, _: np.array(slope(z, u[0])), lambda t, z, u, _: z, states=4, inputs=1, outputs=4)
         return error(control.input_output_response(system, t, x, start).outputs)
 
+    def in_segments(solve):
+        """The states of `solve(times, state, level)`, (4, n), segment by segment."""
+        parts, state = [np.array(start)[:, None]], np.array(start)
+        for level in levels:
+            parts.append(solve(1e-3 * np.arange(held + 1), state, level))
+            state = parts[-1][:, -1]
+        return np.concatenate(parts, axis=1)
+
+    def by_sundials():
+        from sksundae.cvode import CVODE
+
+        def solve(times, state, level):
+            def right_hand_side(t, z, dz):
+                dz[:] = slope(z, level)
+
+            return CVODE(right_hand_side, rtol=1e-6, atol=np.array(atol)).solve(times, state).y[1:].T
+
+        return error(in_segments(solve))
+
+    def by_casadi():
+        import casadi
+
+        scale = np.array([1e7, 1e7, 0.1, 0.1])
+        z, x = casadi.SX.sym("z", 4), casadi.SX.sym("x")
+        field = {"x": z, "p": x, "ode": casadi.vertcat(*casadi_slope(actuator, z * scale, x)) / scale}
+        times = 1e-3 * np.arange(held + 1)
+        cvodes = casadi.integrator("cvodes", "cvodes", field, 0.0, times[1:], {"reltol": 1e-6, "abstol": 1e-8})
+        return error(in_segments(lambda _, state, level: np.array(cvodes(x0=state / scale, p=level)["xf"]) * scale[:, None]))
+
     contenders = [
         Contender("python-control input_output_response", by_control, note="it ramps x between samples"),
         Contender("scipy RK45, restarted at steps", lambda: error(by_scipy("RK45", 1e-6, atol))),
         Contender("scipy LSODA, restarted at steps", lambda: error(by_scipy("LSODA", 1e-6, atol))),
+        Contender("scikit-sundae CVODE, restarted at steps", by_sundials, needs=("sksundae",)),
+        Contender("CasADi CVODES, restarted at steps", by_casadi, needs=("casadi",)),
         Contender(f"hydroctl simulate, rtol {_RTOL:g}", by_hydroctl, units=_TIMES),
     ]
     return compare("J2", contenders, 1 if smallest else 7)

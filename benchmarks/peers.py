@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from hydroctl import Actuator
+from hydroctl import Actuator, load_actuator
 
 
 def slope_function(a: Actuator, load: float = 0.0):
@@ -31,6 +31,25 @@ def slope_function(a: Actuator, load: float = 0.0):
     return slope
 
 
+def casadi_slope(a: Actuator, z, x):
+    """The same as CasADi expressions."""
+    import casadi
+
+    def signed_root(dp):
+        return casadi.sign(dp) * casadi.sqrt(casadi.fabs(dp))
+
+    p_a, p_b, v, y = z[0], z[1], z[2], z[3]
+    dp_a = casadi.if_else(x >= 0, a.supply_pressure - p_a, p_a - a.tank_pressure)
+    dp_b = casadi.if_else(x >= 0, p_b - a.tank_pressure, a.supply_pressure - p_b)
+    leak = a.leakage * (p_a - p_b)
+    return (
+        a.bulk_modulus / (a.volume_a + a.area_a * y) * (a.flow_coefficient * x * signed_root(dp_a) - a.area_a * v - leak),
+        a.bulk_modulus / (a.volume_b - a.area_b * y) * (-a.flow_coefficient_b * x * signed_root(dp_b) + a.area_b * v + leak),
+        (a.area_a * p_a - a.area_b * p_b - a.viscous_friction * v - a.load_force) / a.mass,
+        v,
+    )
+
+
 def scheduled_pid(Ts: float = 1e-3) -> SimpleNamespace:
     """A position PID for the reference machine on a 21 by 11 table, without notch; the attributes of `GainSchedule`."""
     nodes = np.linspace(0.05, 1.0, 11)
@@ -43,7 +62,17 @@ def scheduled_pid(Ts: float = 1e-3) -> SimpleNamespace:
         "speed_offset_extend": 6e-4,
         "speed_offset_retract": -6e-4,
     }
-    constants = {"Tf": 5e-4, "zz": 1.0, "zp": 1.0, "Ts": Ts, "delay_samples": 1, "Tt": 0.05, "feed_forward": True}
+    forward |= {"b": 1.0, "c": 1.0, "Tm": 0.0, "sections": (), "dead_band_inverse": 0.0, "pressure_drops": None}
+    constants = {
+        "actuator": load_actuator("reference"),
+        "Tf": 5e-4,
+        "zz": 1.0,
+        "zp": 1.0,
+        "Ts": Ts,
+        "delay_samples": 1,
+        "Tt": 0.05,
+        "feed_forward": True,
+    }
     return SimpleNamespace(loop="position", x=x, y=y, **table, **forward, **constants)
 
 

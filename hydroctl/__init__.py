@@ -27,6 +27,7 @@ _HOME = {
     "PoorFitWarning": "surfaces",
     "Record": "records",
     "Scenario": "simulation",
+    "Sensors": "simulation",
     "SeriesForm": "forms",
     "SimulationError": "errors",
     "Specification": "specification",

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 import sys
-from contextlib import contextmanager
+import tempfile
+import time
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
@@ -21,6 +24,10 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+
+_PATIENCE = 2.0
+"""s of work before progress is shown"""
 
 
 class Loop(StrEnum):
@@ -110,6 +117,7 @@ def validate(
     count: Annotated[int, typer.Option(help="run this many random cases instead", min=0)] = 0,
     seed: Annotated[int, typer.Option(help="seed of the random cases", min=0)] = 0,
     directory: Annotated[Path | None, typer.Option("-o", "--output", help="keep finished cases here; a new run resumes")] = None,
+    scheduler: Annotated[str | None, typer.Option(help="run them on a dask cluster, such as tcp://host:8786")] = None,
     replay: Annotated[int | None, typer.Option(help="run one random case again, by its seed, and print its metrics", min=0)] = None,
 ) -> None:
     """Try a schedule on the nonlinear plant of the machine that it was designed for."""
@@ -121,8 +129,13 @@ def validate(
         metrics = validation.measure(machine, scenario, trajectory)
         typer.echo("\n".join([scenario.name, *(f"  {name} {value:.6g}" for name, value in asdict(metrics).items())]))
     elif count:
-        with _progress(count) as advance:
-            result = validation.campaign(loaded.actuator, loaded, count=count, seed=seed, directory=directory, on_progress=advance)
+        with (
+            _interruptible(directory) as kept,
+            validation.connected(scheduler) if scheduler else nullcontext() as executor,
+            _progress() as advance,
+        ):
+            cases = {"count": count, "seed": seed, "executor": executor, "directory": kept, "on_progress": advance}
+            result = validation.campaign(loaded.actuator, loaded, **cases)
         scale = validation.scale_of(loaded.actuator, loaded.loop)
         verdicts = result.verdicts(validation.default_requirements(scale, loaded.loop, Mt=loaded.specification.Mt))
         typer.echo("\n".join([f"{count} random cases, seed {seed}", *(f"  {verdict}" for verdict in verdicts)]))
@@ -131,6 +144,24 @@ def validate(
         report = validation.validate(loaded.actuator, loaded, variants=variants)
         typer.echo(report.summary())
         raise typer.Exit(0 if report.passed else 1)
+
+
+@contextmanager
+def _interruptible(directory: Path | None):
+    """Where finished cases are kept: `directory`, or a temporary one that only an interrupt leaves behind. An interrupt ends the
+    program with 130 and one line that says how to go on.
+    """
+    resumable = directory is not None
+    kept = directory or Path(tempfile.mkdtemp(prefix="hydroctl-"))
+    try:
+        yield kept
+    except KeyboardInterrupt:
+        resumable = True
+        typer.echo(f"hydroctl: interrupted; the same command with -o {kept} goes on from the finished cases", err=True)
+        raise typer.Exit(130) from None
+    finally:
+        if not resumable:
+            shutil.rmtree(kept, ignore_errors=True)
 
 
 @app.command()
@@ -208,10 +239,19 @@ def _tell(iteration: int, fit: float) -> None:
 
 
 @contextmanager
-def _progress(count: int):
-    """A bar on stderr, where that is a terminal; gives the callback (done, count)."""
-    with typer.progressbar(length=count, file=sys.stderr, hidden=not sys.stderr.isatty()) as bar:
-        yield lambda done, _: bar.update(done - bar.pos)
+def _progress():
+    """Gives the callback (done, count) of long work: after two seconds it draws a bar on stderr, if that is a terminal."""
+    start, bar = time.monotonic(), None
+    with ExitStack() as stack:
+
+        def advance(done: int, count: int) -> None:
+            nonlocal bar
+            if bar is None and sys.stderr.isatty() and time.monotonic() - start >= _PATIENCE:
+                bar = stack.enter_context(typer.progressbar(length=count, file=sys.stderr))
+            if bar is not None:
+                bar.update(done - bar.pos)
+
+        yield advance
 
 
 def main() -> None:

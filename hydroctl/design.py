@@ -37,11 +37,6 @@ def design(
     input that cannot be used, InfeasibleError where no regulator meets the specification.
     """
     specification = Specification() if specification is None else specification
-    if specification.delay_samples % 1.0:
-        raise InputError(
-            f"delay_samples = {specification.delay_samples:g}: the trial on the nonlinear plant takes whole samples; round it up "
-            "here, or call tune, whose margins know fractions."
-        )
     stage, seconds = _stopwatch()
     x, y = default_points(actuator)
     between = actuator.dead_band + _BETWEEN * (1.0 - actuator.dead_band)

@@ -132,7 +132,7 @@ def linearize(actuator: Actuator, points: OperatingPoints, *, form: Literal["tan
     """
     if form not in _FORMS:
         raise InputError(unknown_name("form", form, _FORMS))
-    if points.actuator.parameters() != actuator.parameters():
+    if points.actuator is not actuator and points.actuator.parameters() != actuator.parameters():
         raise InputError("points were found for another actuator; call find_operating_points with this one.")
     p = plant.parameters(actuator)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -157,7 +157,7 @@ def _compact(values: np.ndarray) -> np.ndarray:
 
 
 def _numerator(A: np.ndarray, B: np.ndarray) -> np.ndarray:
-    a, (b_a, b_b) = _entries(A), np.moveaxis(B[..., :2, 0], -1, 0)
+    a, b_a, b_b = _entries(A), B[..., 0, 0], B[..., 1, 0]
     coefficients = np.empty((2, *b_a.shape))
     np.add(a[2, 0] * b_a, a[2, 1] * b_b, out=coefficients[0, ...])
     np.add(
@@ -165,7 +165,7 @@ def _numerator(A: np.ndarray, B: np.ndarray) -> np.ndarray:
         a[2, 1] * (a[1, 0] * b_a - a[0, 0] * b_b),
         out=coefficients[1, ...],
     )
-    return np.moveaxis(coefficients, 0, -1)
+    return coefficients.transpose(*range(1, coefficients.ndim), 0)
 
 
 def _denominator(A: np.ndarray) -> np.ndarray:
@@ -179,8 +179,8 @@ def _denominator(A: np.ndarray) -> np.ndarray:
     coefficients[3] = (
         a[0, 1] * (a[1, 0] * a[2, 2] - a[1, 2] * a[2, 0]) - a[0, 2] * (a[1, 0] * a[2, 1] - a[1, 1] * a[2, 0]) - a[0, 0] * minor_a
     )
-    return np.moveaxis(coefficients, 0, -1)
+    return coefficients.transpose(*range(1, coefficients.ndim), 0)
 
 
 def _entries(A: np.ndarray) -> np.ndarray:
-    return np.moveaxis(A, (-2, -1), (0, 1))
+    return A.transpose(A.ndim - 2, A.ndim - 1, *range(A.ndim - 2))

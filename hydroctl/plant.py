@@ -22,6 +22,7 @@ kernels integrate these very lines.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -66,6 +67,7 @@ class Parameters(NamedTuple):
 _ABSENT = {"stribeck_speed": 1.0, "valve_natural_frequency": 0.0, "valve_damping": 1.0, "valve_rate_limit": np.inf}
 
 
+@lru_cache(maxsize=256)
 def parameters(actuator: Actuator) -> Parameters:
     """The plant's parameters of `actuator`."""
     given = {name: _ABSENT[name] if value is None else value for name, value in actuator.parameters().items()}
@@ -161,10 +163,14 @@ def valve_rates(spool, spool_rate, command, p: Parameters):
     1/(2 zeta w), so that the rate limit acts on the wanted speed, as a saturating pilot stage does: the spool speed never exceeds
     it, and without a limit the lag is exact.
     """
-    frequency, damping = p.valve_natural_frequency, p.valve_damping
-    wanted = frequency / (2.0 * damping) * (np.minimum(np.maximum(command, -1.0), 1.0) - spool)
+    wanted = wanted_spool_rate(spool, command, p)
     limited = np.minimum(np.maximum(wanted, -p.valve_rate_limit), p.valve_rate_limit)
-    return spool_rate, 2.0 * damping * frequency * (limited - spool_rate)
+    return spool_rate, 2.0 * p.valve_damping * p.valve_natural_frequency * (limited - spool_rate)
+
+
+def wanted_spool_rate(spool, command, p: Parameters):
+    """The spool speed in 1/s that the valve's position loop asks for, before its limit."""
+    return p.valve_natural_frequency / (2.0 * p.valve_damping) * (np.minimum(np.maximum(command, -1.0), 1.0) - spool)
 
 
 def rates(p_a, p_b, v, y, x, load_force, p: Parameters):
@@ -202,7 +208,8 @@ def jacobian(p_a, p_b, v, y, x, p: Parameters):
     b = np.zeros((3, 1, *shape))
     np.multiply(stiff_a, gain_a, out=b[0, 0, ...])
     np.multiply(stiff_b, gain_b, out=b[1, 0, ...])
-    return np.moveaxis(a, (0, 1), (-2, -1)), np.moveaxis(b, (0, 1), (-2, -1))
+    order = (*range(2, a.ndim), 0, 1)
+    return a.transpose(order), b.transpose(order)
 
 
 def as_nonlinear_system(actuator: Actuator, *, pressure_unit: float = 1e5) -> control.NonlinearIOSystem:

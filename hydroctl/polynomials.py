@@ -15,7 +15,8 @@ def cubic_roots(coefficients: np.ndarray, near: np.ndarray) -> np.ndarray:
     others. Coefficients that are not finite give roots that are NaN.
     """
     coefficients = np.asarray(coefficients, dtype=float)
-    c2, c1, c0 = np.moveaxis(np.atleast_2d(coefficients), -1, 0)
+    rows = np.atleast_2d(coefficients)
+    c2, c1, c0 = rows[..., 0], rows[..., 1], rows[..., 2]
     near = np.broadcast_to(np.asarray(near, dtype=float), c2.shape)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         root, settled = _newton(c2, c1, c0, near, _SEARCH_STEPS)
@@ -58,7 +59,7 @@ def _with_quadratic(c2, c1, root):
     roots[0].imag = 0.0
     np.sqrt(np.maximum(-radicand, 0.0), out=roots[1].imag)
     np.negative(roots[1].imag, out=roots[2].imag)
-    return np.moveaxis(roots, 0, -1), radicand
+    return roots.transpose(*range(1, roots.ndim), 0), radicand
 
 
 def _nearest_first(roots, near):

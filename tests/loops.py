@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import RegularGridInterpolator
 
 from hydroctl import load_actuator, plant
+from hydroctl.simulation.compiled import motion_build
 
 
 def schedule(loop="velocity", **changes):
@@ -134,27 +135,35 @@ class PlainRegulator:
 
 def accurate_hold(actuator, state, x, load, duration, times=None):
     """The plant's states for a constant opening by DOP853 at 1e-12; at the end, or at `times` (6, n)."""
-    p = plant.parameters(actuator)
-
-    ideal = actuator.valve_natural_frequency is None
-
-    def slope(_, z):
-        valve = (0.0, 0.0) if ideal else plant.valve_rates(z[4], z[5], x, p)
-        opening = plant.effective_opening(x if ideal else z[4], p)
-        return [*plant.rates(z[0], z[1], z[2], z[3], opening, load, p), z[2], *valve]
-
+    p, slope = plant.parameters(actuator), motion_build("full").motion.slope
+    state = np.array(state, dtype=float)
+    if actuator.valve_natural_frequency is None:
+        state[4] = x
     atol = np.array([actuator.supply_pressure] * 2 + [1.0, actuator.stroke, 1.0, 1e3]) * 1e-13
-    answer = solve_ivp(slope, (0.0, duration), state, method="DOP853", rtol=1e-12, atol=atol, t_eval=times)
+    span = (0.0, duration)
+    answer = solve_ivp(lambda _, z: slope(tuple(z), x, load, p), span, state, method="DOP853", rtol=1e-12, atol=atol, t_eval=times)
     assert answer.success
     return answer.y if times is not None else answer.y[:, -1]
 
 
 def accurate_closed_loop(actuator, schedule, scenario, start):
     """(6, n) states at the sample instants: `PlainRegulator` and DOP853 from sample to sample."""
-    regulator, state, commands, states = PlainRegulator(schedule), np.array(start), [], []
+    regulator, state, states = PlainRegulator(schedule), np.array(start), []
+    late, whole = math.modf(schedule.delay_samples)
+    commands = [0.0] * (int(whole) + 1)
     for k in range(scenario.reference.size):
         states.append(state)
-        commands.append(regulator.command(scenario.reference[k], scenario.v_ref[k], *state[:4]))
-        x = commands[k - schedule.delay_samples] if k >= schedule.delay_samples else 0.0
-        state = accurate_hold(actuator, state, x, scenario.load_force[k] + actuator.load_force, scenario.Ts)
+        seen = state[:4] if scenario.sensors is None else readings(scenario, k, state)
+        commands.append(regulator.command(scenario.reference[k], scenario.v_ref[k], *seen))
+        load = scenario.load_force[k] + actuator.load_force
+        for x, share in ((commands[k], late), (commands[k + 1], 1.0 - late)):
+            if share > 0.0:
+                state = accurate_hold(actuator, state, x, load, share * scenario.Ts)
     return np.array(states).T
+
+
+def readings(scenario, k, state):
+    """What the sensors of `scenario` show of `state` at sample k."""
+    noise, resolution = scenario.sensors.signals(scenario.reference.size)
+    noisy = state[:4] + noise[:, k]
+    return [value if step == 0.0 else step * math.floor(value / step + 0.5) for value, step in zip(noisy, resolution, strict=True)]

@@ -9,7 +9,7 @@ from loops import accurate_closed_loop, schedule
 import hydroctl as hc
 from hydroctl import plant
 from hydroctl.errors import InputError, SimulationError
-from hydroctl.simulation import Scenario, rest_state, simulate_closed_loop
+from hydroctl.simulation import Scenario, Sensors, rest_state, simulate_closed_loop
 from hydroctl.simulation.compiled import Loop, law_build, loop_for, motion_build, motion_for
 from hydroctl.simulation.modes import fastest_mode, substeps
 from hydroctl.simulation.regulator import regulator_of
@@ -71,6 +71,68 @@ def test_command_takes_effect_after_the_delay(delay):
     assert (found.x[:delay] == 0.0).all()
 
 
+@pytest.mark.parametrize("delay", [0.4, 1.7])
+@pytest.mark.parametrize("actuator", [ACTUATOR, hc.load_actuator("differential_100_56")], ids=["ideal valve", "valve with lag"])
+def test_a_fraction_of_a_sample_of_delay_splits_the_sample(actuator, delay):
+    """The command acts k + f samples after its measurement: against DOP853 that stops and goes on there."""
+    asked = scenario(samples=60, reference=0.02 * (np.arange(60) >= 5))
+    given = schedule(delay_samples=delay, kp=np.full((4, 3), 0.3), ki=np.full((4, 3), 100.0))
+    start = rest_state(actuator, 0.25)
+    expected = accurate_closed_loop(actuator, given, asked, start)
+    found = simulate_closed_loop(actuator, given, asked)
+    for name, row in zip(("p_a", "p_b", "v", "y"), expected[:4], strict=True):
+        assert np.abs(getattr(found, name) - row).max() <= 1e-6 * np.ptp(row), name
+    whole = int(delay)
+    assert (found.x[whole:] == found.command[: found.x.size - whole]).all()
+
+
+def test_a_delay_close_to_a_whole_sample_acts_like_it():
+    """The motion is continuous in the delay, at both ends of the fraction."""
+    found = [
+        simulate_closed_loop(ACTUATOR, schedule(delay_samples=delay), scenario()).v for delay in (1.0, 1.0 + 1e-9, 2.0 - 1e-9, 2.0)
+    ]
+    assert np.abs(found[1] - found[0]).max() <= 1e-6 * np.ptp(found[0])
+    assert np.abs(found[2] - found[3]).max() <= 1e-6 * np.ptp(found[3])
+    assert np.abs(found[0] - found[3]).max() >= 1e-3 * np.ptp(found[0])
+
+
+def test_the_regulator_sees_what_the_sensors_show():
+    """Noise and quantization reach the command and nothing else: against the plain route, fed with the same readings."""
+    sensors = Sensors(v_noise=2e-4, v_resolution=1e-3, y_noise=1e-5, y_resolution=1e-4, seed=3)
+    asked = scenario(sensors=sensors, samples=80)
+    expected = accurate_closed_loop(ACTUATOR, schedule(), asked, rest_state(ACTUATOR, 0.25))
+    found = simulate_closed_loop(ACTUATOR, schedule(), asked)
+    for name, row in zip(("p_a", "p_b", "v", "y"), expected[:4], strict=True):
+        assert np.abs(getattr(found, name) - row).max() <= 1e-6 * np.ptp(row), name
+    assert np.array_equal(found.v, simulate_closed_loop(ACTUATOR, schedule(), asked).v)
+    other = dataclasses.replace(asked, sensors=dataclasses.replace(sensors, seed=4))
+    assert not np.array_equal(found.v, simulate_closed_loop(ACTUATOR, schedule(), other).v)
+    ideal = dataclasses.replace(asked, sensors=Sensors())
+    exact = dataclasses.replace(asked, sensors=None)
+    assert np.array_equal(*(simulate_closed_loop(ACTUATOR, schedule(), given).v for given in (ideal, exact)))
+
+
+def test_quantization_keeps_the_position_within_a_step_of_its_reference():
+    """A proportional regulator cannot see an error below half a step of the sensor, and stays there."""
+    step, k = 1e-3, np.arange(600)
+    tight = ACTUATOR.replace(leakage=0.0)
+    given = schedule("position", ki=np.zeros((4, 3)))
+    asked = scenario("position", samples=600, reference=0.25 + 0.0101 * (k >= 10), sensors=Sensors(y_resolution=step))
+    found = simulate_closed_loop(tight, given, asked)
+    assert np.abs(found.y[-100:] - 0.2601).max() <= step
+    assert np.abs(found.y[-100:] - 0.2601).max() >= 1e-6
+
+
+def test_sensors_and_substeps_are_checked():
+    with pytest.raises(InputError) as caught:
+        Sensors(v_noise=-1.0, y_resolution="fine", seed=0.5)
+    assert len(caught.value.faults) == 3
+    with pytest.raises(InputError, match="substeps = 0"):
+        simulate_closed_loop(ACTUATOR, schedule(), scenario(), substeps=0)
+    with pytest.raises(InputError, match="sensors"):
+        scenario(sensors=1e-3)
+
+
 def test_opening_stays_in_the_valves_range_and_anti_windup_lets_it_leave_the_limit():
     """A speed that the supply cannot give for 1 s, then one that it can: with back-calculation the loop recovers, without not."""
     k = np.arange(1500)
@@ -109,7 +171,9 @@ def test_leaving_out_absent_effects_changes_no_bit():
     full, plain = (Loop(motion_build(build), law_build("notched"), "notched") for build in ("full", "plain"))
     for kernels in (full, plain):
         out = np.empty((7, asked.reference.size))
-        kernels.sampled.run(tuple(rest_state(ACTUATOR, 0.25)), asked.reference, asked.v_ref, asked.load_force, regulator, p, 2, out)
+        kernels.sampled.run(
+            tuple(rest_state(ACTUATOR, 0.25)), asked.reference, asked.v_ref, asked.load_force, None, regulator, p, 2, out
+        )
         outs.append(out)
     assert np.array_equal(*outs)
     assert motion_for(ACTUATOR) is motion_build("plain")

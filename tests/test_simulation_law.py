@@ -251,7 +251,7 @@ def test_compiled_tangent_is_accurate_up_to_the_nyquist_frequency():
         ({"y": np.array([0.0, 0.5, 0.2])}, "must ascend"),
         ({"kp": np.full((4, 3), np.nan)}, "not finite"),
         ({"notch_frequency": np.full((4, 3), 4000.0)}, "Nyquist"),
-        ({"delay_samples": 0.5}, "whole number"),
+        ({"delay_samples": -0.5}, "0 or more"),
     ],
 )
 def test_unusable_schedules_are_refused(changes, words):

@@ -30,3 +30,8 @@ def valve_rates(spool, spool_rate, command, p):
 def plus(z, w, k):
     """z + w k where the last two slopes are zero."""
     return z[0] + w * k[0], z[1] + w * k[1], z[2] + w * k[2], z[3] + w * k[3], z[4], z[5]
+
+
+def bends(z, new, command, p):
+    """A field that has no bends within a sample: x is held, and no other effect has any."""
+    return False

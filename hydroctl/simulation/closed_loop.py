@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from numbers import Integral
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .. import plant
 from ..actuator import Actuator
+from ..errors import InputError
 from .modes import substeps as needed_substeps
 from .regulator import regulator_of
 from .scenario import Scenario, require_fit
@@ -22,11 +24,13 @@ def simulate_closed_loop(
 ) -> Trajectory:
     """The motion at the scenario's sample instants; its regulator law is that of `simulation.law`.
 
-    The plant is integrated by Runge-Kutta 6 in equal substeps of a sample, `substeps` of them or as many as its
-    fastest mode needs. Raises InputError
-    where schedule and scenario do not fit together, SimulationError where the motion leaves the numbers.
+    The plant is integrated by Runge-Kutta 6 in equal substeps of a sample, `substeps` of them or as many as its fastest mode needs,
+    and with error control through those in which its equations bend. Raises InputError where schedule and scenario do not fit
+    together, SimulationError where the motion leaves the numbers.
     """
     require_fit(schedule, scenario)
+    if substeps is not None and (isinstance(substeps, bool) or not isinstance(substeps, Integral) or substeps < 1):
+        raise InputError(f"substeps = {substeps!r} must be a whole number of at least 1, or None.")
     load = scenario.load_force + actuator.load_force
     start = scenario.initial
     if start is None:
@@ -38,7 +42,7 @@ def simulate_closed_loop(
 
     p, regulator = plant.parameters(actuator), regulator_of(schedule)
     final = loop_for(actuator, regulator).sampled.run(
-        tuple(start), scenario.reference, scenario.v_ref, load, regulator, p, count, out
+        tuple(start), scenario.reference, scenario.v_ref, load, scenario.sensor_signals(), regulator, p, count, out
     )
     integrator = f"Runge-Kutta 6, {count} substeps of {scenario.Ts / count:g} s per sample"
     p_a, p_b, v, y, spool, x, command = out

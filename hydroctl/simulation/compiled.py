@@ -20,16 +20,22 @@ from .. import plant as _plant
 from ..actuator import Actuator
 from . import absent as _absent
 from . import absent_law as _absent_law
+from . import adaptive as _adaptive
 from . import butcher as _butcher
+from . import careful as _careful
 from . import dormand_prince as _dormand_prince
 from . import lanes as _lanes
 from . import law as _law
 from . import motion as _motion
+from . import rodas as _rodas
 from . import sampled as _sampled
 from . import scalar
+from . import sensing as _sensing
 from .law import Regulator
 
 _HERE = Path(__file__).parent
+_SOURCES = (_plant, _absent, _absent_law, _adaptive, _butcher, _careful, _dormand_prince, _lanes, _law, _motion, _rodas, _sampled)
+_SOURCES += (_sensing, scalar)
 
 
 @contextmanager
@@ -38,7 +44,7 @@ def _cache_directory():
 
     numba renews a cached function when its own file changes, but not when a function that it calls does.
     """
-    sources = [Path(_plant.__file__), *sorted(_HERE.glob("*.py"))]
+    sources = [Path(__file__), *(Path(module.__file__) for module in _SOURCES)]
     fingerprint = hashlib.sha256(b"\0".join(path.read_bytes() for path in sources)).hexdigest()[:16]
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(Path(before or _HERE / "__pycache__") / fingerprint)
@@ -52,7 +58,7 @@ def compiled(module: ModuleType, build: str, **replaced) -> ModuleType:
     """A module with the functions of `module`, compiled; each calls the compiled versions of the others.
 
     `replaced`: what stands in the place of names in `module`. Every build has a name of its own, so that the machine code of one
-    is never taken for that of another.
+    is never taken for that of another. All are compiled into their callers, but for those that the module names in `CALLED`.
     """
     result = ModuleType(module.__name__, module.__doc__)
     names = vars(result)
@@ -62,8 +68,9 @@ def compiled(module: ModuleType, build: str, **replaced) -> ModuleType:
         if inspect.isfunction(value) and value.__module__ == module.__name__ and name not in replaced:
             rebound = FunctionType(value.__code__, names, name, value.__defaults__)
             rebound.__qualname__ = f"{build}_{name}"
+            options = {"cache": True, "error_model": "numpy", "nogil": True, "forceinline": name not in names.get("CALLED", ())}
             with _cache_directory():
-                names[name] = numba.njit(rebound, cache=True, error_model="numpy", nogil=True, forceinline=True)
+                names[name] = numba.njit(rebound, **options)
     return result
 
 
@@ -73,15 +80,19 @@ def functions(module: ModuleType) -> dict:
 
 
 class Motion:
-    """The compiled modules of one machine build: `plant`, `motion`, `butcher`, `dormand_prince`."""
+    """The compiled modules of one machine build: `plant`, `motion`, `butcher`, `careful`, and `adaptive` and `stiff`,
+    which step by Dormand and Prince and by Rodas4.
+    """
 
     def __init__(self, build: str, **replaced):
         self.build = build
         self.plant = compiled(_plant, build, **replaced)
         self.motion = compiled(_motion, build, plant=self.plant, **replaced)
-        field = {"plus": self.motion.plus, "slope": self.motion.slope, "told": self.motion.told}
-        self.butcher = compiled(_butcher, build, plus=field["plus"], slope=field["slope"])
-        self.dormand_prince = compiled(_dormand_prince, build, **field)
+        field = functions(self.motion)
+        self.butcher = compiled(_butcher, build, **field)
+        self.adaptive = compiled(_adaptive, build, method=compiled(_dormand_prince, build, **field), **field)
+        self.stiff = compiled(_adaptive, f"{build}_stiff", method=compiled(_rodas, build, **field), **field)
+        self.careful = compiled(_careful, build, motion=self.motion, butcher=self.butcher, adaptive=self.adaptive)
 
 
 class Loop:
@@ -89,7 +100,8 @@ class Loop:
 
     def __init__(self, motion: Motion, law: ModuleType, build: str):
         self.law = law
-        modules = {"law": law, "motion": motion.motion, "butcher": motion.butcher}
+        modules = {"law": law, "motion": motion.motion, "butcher": motion.butcher, "careful": motion.careful}
+        modules["sensing"] = compiled(_sensing, "sensing")
         self.sampled = compiled(_sampled, f"{motion.build}_{build}", **modules)
         self.lanes = compiled(_lanes, f"{motion.build}_{build}", **modules)
 

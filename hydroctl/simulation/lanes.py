@@ -10,7 +10,7 @@ from __future__ import annotations
 from math import inf
 
 from ..plant import Parameters
-from . import butcher, law, motion
+from . import butcher, careful, law, motion, sensing
 
 LANES = 32
 VARIED = ("bulk_modulus", "mass", "supply_pressure", "viscous_friction", "load_force")
@@ -41,7 +41,10 @@ P_A, P_B, V, Y, SPOOL, SPOOL_RATE = (LANES * row for row in range(6))
 BULK, MASS, SUPPLY, VISCOUS, LOAD = (LANES * row for row in range(6, 11))
 INTEGRAL, DERIVATIVE, LAST, NOTCH_1, NOTCH_2, X, SECTION_1, SECTION_2, FILTERED, RUNNING = (LANES * row for row in range(11, 21))
 KP, KI, KD, WN, TOLD, I_X, I_Y = (LANES * row for row in range(21, 28))
-FIRST_SUM = 28
+SEEN_A, SEEN_B, SEEN_V, SEEN_Y = (LANES * row for row in range(28, 32))
+OLD = LANES * 32
+"""six rows: the state before a substep"""
+FIRST_SUM = 38
 ROWS = FIRST_SUM + len(SUMS)
 (START, PER_STEP, RISE_10, RISE_90, OUTSIDE, MOST, LATE_LEAST, LATE_MOST, LATE_SUM) = (
     LANES * row for row in range(FIRST_SUM, FIRST_SUM + 9)
@@ -89,10 +92,16 @@ def _walk(nodes, value, index):
     return index
 
 
+def _see(w, k, sensors):
+    for i in range(LANES):
+        values = (w[P_A + i], w[P_B + i], w[V + i], w[Y + i])
+        w[SEEN_A + i], w[SEEN_B + i], w[SEEN_V + i], w[SEEN_Y + i] = sensing.seen(values, k, sensors)
+
+
 def _look_up(w, regulator):
     """Gains of every lane. Gathering from a table is no vector code; the search starts from the last sample's cell."""
     for i in range(LANES):
-        x, y = law.clipped_opening(w[X + i], regulator), law.clipped_position(w[Y + i], regulator)
+        x, y = law.clipped_opening(w[X + i], regulator), law.clipped_position(w[SEEN_Y + i], regulator)
         row, column = _walk(regulator.x, x, int(w[I_X + i])), _walk(regulator.y, y, int(w[I_Y + i]))
         w[I_X + i], w[I_Y + i] = float(row), float(column)
         fraction_x = (x - regulator.x[row]) * regulator.x_slope[row]
@@ -119,7 +128,7 @@ def _regulate(w, reference, forward, regulator):
             w[FILTERED + i],
             w[RUNNING + i],
         )
-        seen = (w[P_A + i], w[P_B + i], w[V + i], w[Y + i])
+        seen = (w[SEEN_A + i], w[SEEN_B + i], w[SEEN_V + i], w[SEEN_Y + i])
         new = law.regulate(reference, forward, seen, gains, memory, regulator)
         w[VARIATION + i] += abs(new.x - w[X + i])
         w[INTEGRAL + i], w[DERIVATIVE + i], w[LAST + i], w[NOTCH_1 + i], w[NOTCH_2 + i] = new[:5]
@@ -153,19 +162,21 @@ def _measure(w, k, first, late, measured, reference, target, p, Ts):
         w[LATE_MOST + i] = max(w[LATE_MOST + i], progress if is_late else -inf)
 
 
-def run(cases, initial, reference, v_ref, load, first, late, steady, regulator, p, substeps, w, queue, sums):
+def run(cases, initial, reference, v_ref, load, first, late, steady, sensors, regulator, p, substeps, w, queue, sums):
     """Fill sums (len(SUMS), n) for n cases of one scenario, n a multiple of LANES.
 
     cases (len(VARIED), n), initial (6, n); reference, v_ref, load (samples,); `first`, `late`, `steady`: samples from which the
-    last step, its settled part and the steady part count. Room to work in: w (ROWS * LANES,), queue (delay_samples + 1, LANES).
+    last step, its settled part and the steady part count; `sensors` as in `sensing`. Room to work in: w (ROWS * LANES,), queue
+    (delay_samples + 2, LANES).
     """
-    delay = regulator.delay_samples
+    past = regulator.delay_samples + 2
     measured = Y if regulator.position else V
-    h = regulator.Ts / substeps
+    parts = careful.parts(regulator.delay_fraction, regulator.Ts, substeps)
     for block in range(cases.shape[1] // LANES):
         _load_block(w, cases, initial, block)
         queue[:] = 0.0
         for k in range(reference.size):
+            _see(w, k, sensors)
             _look_up(w, regulator)
             _regulate(w, reference[k], law.feed_forward(v_ref[k], regulator), regulator)
             _measure(w, k, first, late, measured, reference[k], reference[-1], p, regulator.Ts)
@@ -173,10 +184,11 @@ def run(cases, initial, reference, v_ref, load, first, late, steady, regulator, 
                 for i in range(LANES):
                     w[LATE_SUM + i] += (w[measured + i] - w[START + i]) * w[PER_STEP + i]
             for i in range(LANES):
-                queue[k % (delay + 1), i] = w[X + i]
-            for i in range(LANES):
-                w[TOLD + i] = queue[(k + 1) % (delay + 1), i]
-            _advance(w, load[k], p, substeps, h)
+                queue[k % past, i] = w[X + i]
+            for part in range(2):
+                count, h = parts[part]
+                if count > 0:
+                    _advance(w, queue, (k + 1 + part) % past, load[k], p, count, h)
         for row in range(len(SUMS)):
             for i in range(LANES):
                 sums[row, block * LANES + i] = w[(FIRST_SUM + row) * LANES + i]
@@ -195,13 +207,25 @@ def _load_block(w, cases, initial, block):
         w[LATE_MOST + i], w[PEAK + i], w[MOST_Y + i] = -inf, -inf, -inf
 
 
-def _advance(w, load, p, substeps, h):
-    """One sample of motion."""
+def _advance(w, queue, told, load, p, substeps, h):
+    """Substeps under the commands in the row `told` of the queue."""
     for i in range(LANES):
-        z = (w[P_A + i], w[P_B + i], w[V + i], w[Y + i], w[SPOOL + i], w[SPOOL_RATE + i])
-        w[SPOOL + i] = motion.told(z, w[TOLD + i], p)[4]
+        w[TOLD + i] = queue[told, i]
+    for i in range(LANES):
+        w[SPOOL + i] = motion.told(_state(w, P_A + i), w[TOLD + i], p)[4]
     for _ in range(substeps):
         for i in range(LANES):
-            z = (w[P_A + i], w[P_B + i], w[V + i], w[Y + i], w[SPOOL + i], w[SPOOL_RATE + i])
-            z = butcher.step(z, w[TOLD + i], load + w[LOAD + i], _varied(w, i, p), h)
-            w[P_A + i], w[P_B + i], w[V + i], w[Y + i], w[SPOOL + i], w[SPOOL_RATE + i] = z
+            z = _state(w, P_A + i)
+            _put(w, OLD + i, z)
+            _put(w, P_A + i, butcher.step(z, w[TOLD + i], load + w[LOAD + i], _varied(w, i, p), h))
+        for i in range(LANES):
+            z, new, own = _state(w, OLD + i), _state(w, P_A + i), _varied(w, i, p)
+            _put(w, P_A + i, careful.mended(z, new, w[TOLD + i], load + w[LOAD + i], own, h))
+
+
+def _state(w, i):
+    return w[i], w[i + LANES], w[i + 2 * LANES], w[i + 3 * LANES], w[i + 4 * LANES], w[i + 5 * LANES]
+
+
+def _put(w, i, z):
+    w[i], w[i + LANES], w[i + 2 * LANES], w[i + 3 * LANES], w[i + 4 * LANES], w[i + 5 * LANES] = z

@@ -98,6 +98,9 @@ class Regulator(NamedTuple):
     inverse_width: float
     """the opening over which it does so"""
     delay_samples: int
+    """whole samples from the measurement to the valve command"""
+    delay_fraction: float
+    """the rest of that delay in samples, 0 <= delay_fraction < 1"""
 
 
 class Memory(NamedTuple):

@@ -1,31 +1,39 @@
-"""How fast the plant can move: the largest eigenvalue of its equations, which sets the step length of fixed-step kernels."""
+"""How fast the plant can move: the largest eigenvalue of its equations, which sets the step length of fixed-step kernels and tells
+stiff machines.
+"""
 
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
 from .. import plant
 from ..actuator import Actuator
-from ..operating_point import find_operating_points
-from .trajectory import rest_state
+from ..operating_point import find_operating_points, stall_force
+from .trajectory import rest_pressures
 
 _POSITIONS = 9
 _CONTACT = 1e-5
+_ALMOST = 0.99
+_STIFF = 100.0
 _RADIANS_PER_STEP = 0.35
 """Runge-Kutta 6 errs by less than 0.35^7/7! = 1.3e-7 of a mode's amplitude in such a step."""
 
 
+@lru_cache(maxsize=256)
 def fastest_mode(actuator: Actuator) -> float:
     """The largest |eigenvalue| in rad/s of d(rates)/d(p_a, p_b, v, y) over the stroke and in contact with its ends, at rest and
     at full speed both ways; or the valve's, where that is larger.
     """
     y = np.linspace(0.0, actuator.stroke, _POSITIONS)
     points = find_operating_points(actuator, np.array([[-1.0], [1.0]]), y)
-    rest = rest_state(actuator)
+    lowest, highest = (float(stall_force(actuator, side)) for side in (-1.0, 1.0))
+    held = min(max(actuator.load_force, _ALMOST * lowest), _ALMOST * highest)
+    rest = rest_pressures(plant.parameters(actuator), held)
     contact = _CONTACT * actuator.stroke
-    states = [(rest.p_a, rest.p_b, 0.0, position, 0.0) for position in (-contact, *y, actuator.stroke + contact)]
+    states = [(*rest, 0.0, position, 0.0) for position in (-contact, *y, actuator.stroke + contact)]
     columns = (points.p_a, points.p_b, points.v, points.y, points.x)
     states += list(zip(*(column[points.feasible] for column in columns), strict=True))
     matrices = _jacobians(actuator, np.array(states).T)
@@ -35,6 +43,14 @@ def fastest_mode(actuator: Actuator) -> float:
 def substeps(actuator: Actuator, Ts: float) -> int:
     """Steps of the fixed-step integrator per sample: at most 0.35 rad of the fastest mode each."""
     return max(1, math.ceil(fastest_mode(actuator) * Ts / _RADIANS_PER_STEP))
+
+
+def is_stiff(actuator: Actuator, step: float) -> bool:
+    """Whether the fastest mode passes through more than 100 rad in `step` seconds, the spacing at which a motion is wanted.
+
+    An explicit method needs some 30 steps there to stay stable, however smooth the motion is.
+    """
+    return fastest_mode(actuator) * step > _STIFF
 
 
 def _valve_mode(actuator: Actuator) -> float:

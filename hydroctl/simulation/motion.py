@@ -1,8 +1,15 @@
-"""The plant as one vector field on z = (p_a, p_b, v, y, spool, spool_rate): what the Runge-Kutta methods step along."""
+"""The plant as one vector field on z = (p_a, p_b, v, y, spool, spool_rate): what the Runge-Kutta methods step along,
+and where it bends.
+"""
 
 from __future__ import annotations
 
+import numpy as np
+
 from .. import plant
+
+_SHARP = 0.25
+"""How much of itself a pressure drop or a creeping speed may change in a step that can follow the root or dry friction"""
 
 
 def slope(z, command, load, p):
@@ -21,3 +28,40 @@ def told(z, command, p):
 def plus(z, w, k):
     """z + w k"""
     return z[0] + w * k[0], z[1] + w * k[1], z[2] + w * k[2], z[3] + w * k[3], z[4] + w * k[4], z[5] + w * k[5]
+
+
+def sizes(p):
+    """The range of each state: supply pressure, speed of the free piston at full opening, stroke, full opening and its rate."""
+    speed = p.flow_coefficient_a * np.sqrt(p.supply_pressure) / np.minimum(p.area_a, p.area_b)
+    rate = np.where(p.valve_natural_frequency == 0.0, 1.0, p.valve_natural_frequency)
+    return p.supply_pressure, p.supply_pressure, speed, p.stroke, 1.0, rate
+
+
+def bends(z, new, command, p):
+    """Whether the slope of the field bends between z and new, the ends of one step, more sharply than a fixed step can follow.
+
+    It does where the spool passes 0, the dead band or its ends, or meets its rate limit; where the piston touches a stop; where a
+    pressure drop over an open edge nearly vanishes; and where dry friction turns over.
+    """
+    asked, asks = plant.wanted_spool_rate(z[4], command, p), plant.wanted_spool_rate(new[4], command, p)
+    valve = (
+        _passes(z[4], new[4], 0.0)
+        | _passes(np.abs(z[4]), np.abs(new[4]), p.dead_band)
+        | _passes(np.abs(z[4]), np.abs(new[4]), 1.0)
+        | _passes(np.abs(asked), np.abs(asks), p.valve_rate_limit)
+    )
+    stops = (p.end_stop_stiffness > 0.0) & ((np.minimum(z[3], new[3]) < 0.0) | (np.maximum(z[3], new[3]) > p.stroke))
+    drop_a, drop_b = plant.pressure_drops(z[0], z[1], z[4], p)
+    new_a, new_b = plant.pressure_drops(new[0], new[1], z[4], p)
+    edges = _turns(drop_a, new_a, 0.0) | _turns(drop_b, new_b, 0.0)
+    return valve | stops | edges | ((p.breakaway_friction > 0.0) & _turns(z[2], new[2], p.creep_speed))
+
+
+def _passes(one, other, level):
+    return (one - level) * (other - level) < 0.0
+
+
+def _turns(one, other, width):
+    """Whether a quantity changes by more than a part of its distance from 0, where that is more than `width`."""
+    nearest = np.where(one * other < 0.0, 0.0, np.minimum(np.abs(one), np.abs(other)))
+    return np.abs(other - one) > _SHARP * np.sqrt(nearest * nearest + width * width)

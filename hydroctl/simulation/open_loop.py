@@ -7,10 +7,10 @@ import numpy as np
 from .. import plant
 from ..actuator import Actuator
 from ..errors import InputError, SimulationError
-from .trajectory import State, Trajectory, require_motion, rest_state
+from .modes import is_stiff
+from .trajectory import State, Trajectory, require_motion, rest_state, state_of
 
 _MOST_STEPS = 20_000_000
-_SMALL = 1e-2
 
 
 def simulate(actuator: Actuator, t, x, *, initial: State | None = None, load_force=0.0, rtol: float = 1e-6) -> Trajectory:
@@ -19,28 +19,26 @@ def simulate(actuator: Actuator, t, x, *, initial: State | None = None, load_for
     Starts from `initial` (default: `rest_state(actuator, load_force=...)`). `load_force` in N, positive against extension, a
     number or (n,) held like x, is added to the actuator's. `rtol` bounds the local error of every state relative to its size,
     or to 1 % of its range where it is smaller. The integration starts anew at every change of x or load, so that a step of x
-    stays a step.
+    stays a step. The method is Dormand-Prince 5(4), or Rodas4 for a machine that is stiff at the mean spacing of t (see
+    `modes.is_stiff`); `integrator` says which.
     Raises InputError for input that cannot be used, SimulationError where the motion could not be followed to the end.
     """
     t, x, load = _checked(t, x, load_force, rtol)
-    start = rest_state(actuator, load_force=float(load[0])) if initial is None else State(*map(float, initial))
-    if not np.isfinite(start).all():
-        raise InputError(
-            f"initial = {start} holds a value that is not finite; give p_a, p_b in Pa, v in m/s, y in m, the spool as x."
-        )
+    start = rest_state(actuator, load_force=float(load[0])) if initial is None else state_of(initial)
     p = plant.parameters(actuator)
     out = np.empty((6, t.size))
 
     from .compiled import motion_for
 
-    integrate = motion_for(actuator).dormand_prince.integrate
-    steps, reached = integrate(t, x, load + actuator.load_force, tuple(start), p, rtol, _scales(actuator), _MOST_STEPS, out)
+    kernels = motion_for(actuator)
+    method = kernels.stiff if is_stiff(actuator, (t[-1] - t[0]) / (t.size - 1)) else kernels.adaptive
+    steps, reached = method.integrate(t, x, load + actuator.load_force, tuple(start), p, rtol, _MOST_STEPS, out)
     if reached < t[-1]:
         raise SimulationError(
             f"The motion could not be followed beyond t = {reached:g} s ({steps} steps): the equations have become too stiff or a "
             f"chamber has no volume left. Keep y within the stroke, 0 to {actuator.stroke:g} m, or raise rtol."
         )
-    integrator = f"Dormand-Prince 5(4), rtol {rtol:g}, {steps} steps"
+    integrator = f"{method.method.NAME}, rtol {rtol:g}, {steps} steps"
     return require_motion(
         actuator, Trajectory(t, x, out[3], out[2], out[0], out[1], out[4], integrator, State(*map(float, out[:, -1])))
     )
@@ -48,7 +46,7 @@ def simulate(actuator: Actuator, t, x, *, initial: State | None = None, load_for
 
 def _checked(t, x, load_force, rtol) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     faults, arrays = [], []
-    for name, value in (("t", t), ("x", x), ("load_force", load_force)):
+    for name, value in (("t", t), ("x", x), ("load_force", load_force), ("rtol", rtol)):
         try:
             arrays.append(np.array(value, dtype=float))
         except (TypeError, ValueError):
@@ -58,22 +56,14 @@ def _checked(t, x, load_force, rtol) -> tuple[np.ndarray, np.ndarray, np.ndarray
     t = arrays[0]
     if t.ndim != 1 or t.size < 2 or not (np.diff(t) > 0.0).all():
         faults.append(f"t of shape {t.shape} must be one row of at least two rising times.")
-    for name, array in zip(("x", "load_force"), arrays[1:], strict=True):
+    for name, array in zip(("x", "load_force"), arrays[1:3], strict=True):
         if array.shape not in ((), t.shape):
             faults.append(f"{name} has shape {array.shape}; give one number or one for each of the {t.size} times.")
     if (np.abs(arrays[1]) > 1.0).any():
         faults.append(f"x reaches {np.abs(arrays[1]).max():g} in size; a valve opening lies in [-1, 1].")
-    if not 1e-13 <= rtol <= 1e-2:
-        faults.append(f"rtol = {rtol:g} is outside 1e-13 ... 1e-2.")
+    if arrays[3].shape != () or not 1e-13 <= rtol <= 1e-2:
+        faults.append(f"rtol = {rtol!r} is outside 1e-13 ... 1e-2.")
     if faults:
         raise InputError(faults)
-    x, load = (np.ascontiguousarray(np.broadcast_to(array, t.shape)) for array in arrays[1:])
+    x, load = (np.ascontiguousarray(np.broadcast_to(array, t.shape)) for array in arrays[1:3])
     return t, x, load
-
-
-def _scales(actuator: Actuator) -> tuple[float, ...]:
-    """1 % of the range of each state."""
-    pressure = actuator.supply_pressure
-    speed = actuator.flow_coefficient * pressure**0.5 / min(actuator.area_a, actuator.area_b)
-    ranges = (pressure, pressure, speed, actuator.stroke, 1.0, actuator.valve_natural_frequency or 1.0)
-    return tuple(_SMALL * size for size in ranges)

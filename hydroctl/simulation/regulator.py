@@ -31,8 +31,8 @@ def regulator_of(schedule: GainSchedule) -> Regulator:
         faults.append("the schedule holds a gain that is not finite.")
     if shaped and not ((table[..., 3] > 0.0) & (table[..., 3] * s.Ts < np.pi)).all():
         faults.append(f"a notch frequency is not between 0 and the Nyquist frequency {np.pi / s.Ts:g} rad/s.")
-    if s.delay_samples < 0 or s.delay_samples != int(s.delay_samples):
-        faults.append(f"delay_samples = {s.delay_samples:g}: the sampled loop runs with a whole number of samples, 0 or more.")
+    if not 0.0 <= s.delay_samples < np.inf:
+        faults.append(f"delay_samples = {s.delay_samples:g} must be a finite number of samples, 0 or more.")
     if faults:
         raise InputError(faults)
     sides = (x[x < 0.0] if (x < 0.0).any() else x, x[x > 0.0] if (x > 0.0).any() else x)
@@ -64,6 +64,7 @@ def regulator_of(schedule: GainSchedule) -> Regulator:
         inverse_depth=s.dead_band_inverse * s.actuator.dead_band,
         inverse_width=s.actuator.dead_band or 1.0,
         delay_samples=int(s.delay_samples),
+        delay_fraction=float(s.delay_samples % 1.0),
     )
 
 

@@ -7,9 +7,9 @@ a library call for the tangent would keep a loop over lanes from becoming vector
 from __future__ import annotations
 
 from numba import njit
-from numpy import abs, isfinite, sqrt
+from numpy import abs, ceil, floor, isfinite, sqrt
 
-__all__ = ["abs", "copysign", "isfinite", "maximum", "minimum", "real", "sqrt", "tan", "where"]
+__all__ = ["abs", "ceil", "copysign", "floor", "isfinite", "maximum", "minimum", "real", "sqrt", "tan", "where"]
 
 
 @njit(error_model="numpy", forceinline=True)

@@ -9,7 +9,8 @@ import numpy as np
 
 from ..errors import InputError, unknown_name
 from ..frequency import LOOPS
-from .trajectory import State
+from .sensing import Sensors
+from .trajectory import State, state_of
 
 if TYPE_CHECKING:
     from ..schedule import GainSchedule
@@ -34,6 +35,8 @@ class Scenario:
     """(n,) speed reference of the feed-forward, m/s; default: the reference of a velocity loop, else 0"""
     load_force: np.ndarray | float = 0.0
     """(n,) or a number, N, positive against extension, held from sample to sample; added to the actuator's"""
+    sensors: Sensors | None = None
+    """what the regulator sees; default: the true values"""
     initial: State | None = None
     """default: `rest_state` at y under the first load"""
     kind: str = "tracking"
@@ -61,6 +64,13 @@ class Scenario:
         for name, array in (("reference", reference), ("v_ref", v_ref), ("load_force", load), ("y", np.asarray(self.y))):
             if not np.isfinite(array).all():
                 faults.append(f"{name} holds a value that is not finite; remove it.")
+        if not (self.sensors is None or isinstance(self.sensors, Sensors)):
+            faults.append(f"sensors = {self.sensors!r} must be Sensors(...) or None.")
+        if self.initial is not None:
+            try:
+                object.__setattr__(self, "initial", state_of(self.initial))
+            except InputError as error:
+                faults += error.faults
         if faults:
             raise InputError([f"scenario {self.name!r}: {fault}" for fault in faults])
         for name, array in (("reference", reference), ("v_ref", v_ref), ("load_force", load)):
@@ -73,6 +83,10 @@ class Scenario:
     def t(self) -> np.ndarray:
         """(n,) the sample instants in s."""
         return self.Ts * np.arange(self.reference.size)
+
+    def sensor_signals(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """Noise and resolution for the kernels; None where the regulator sees the true values."""
+        return None if self.sensors is None else self.sensors.signals(self.reference.size)
 
     @property
     def duration(self) -> float:

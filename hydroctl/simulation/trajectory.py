@@ -27,6 +27,19 @@ class State(NamedTuple):
     spool_rate: float = 0.0
 
 
+def state_of(initial) -> State:
+    """`initial` as a State; InputError where it is not six finite numbers, or four for an ideal valve."""
+    try:
+        start = State(*map(float, initial))
+    except (TypeError, ValueError):
+        start = None
+    if start is None or not np.isfinite(start).all():
+        raise InputError(
+            f"initial = {initial!r} is not a State of finite numbers; give p_a, p_b in Pa, v in m/s, y in m, the spool as x."
+        )
+    return start
+
+
 @dataclass(frozen=True, eq=False)
 class Trajectory:
     """A simulated motion at the times t; every array is (n,), SI."""
@@ -34,7 +47,7 @@ class Trajectory:
     t: np.ndarray
     """s"""
     x: np.ndarray
-    """the command that the valve was given, from t[k] until t[k+1]"""
+    """the command that the valve was given, from t[k] until t[k+1] (later by the delay's fraction of a sample, if it has one)"""
     y: np.ndarray
     v: np.ndarray
     p_a: np.ndarray

@@ -16,7 +16,7 @@ from .nodes import candidates, choose_nodes, mixing_matrix
 from .refinement import Problem, broken, exact_gains, rough_gains
 from .task import Task, task_of
 
-_LEAST_WINDUP_SAMPLES = 10
+_WINDUP_SHARE, _LEAST_WINDUP_SAMPLES = 0.25, 10
 _DENSER = 3
 _LOW_FLOW = 0.1
 
@@ -144,8 +144,11 @@ def assemble_schedule(task: Task, nodes, regulators: Regulators) -> GainSchedule
 
 
 def _anti_windup_time(kp, ki, sample_time: float) -> float:
-    """Tt in s: the regulator's own integral time (median over the nodes), at least ten samples."""
-    times = kp[ki > 0.0] / ki[ki > 0.0]
+    """Tt in s: a quarter of the regulator's own integral time (median over the nodes), at least ten samples.
+
+    With the whole integral time the integral is still full when a large step comes near its end, and overshoots.
+    """
+    times = _WINDUP_SHARE * kp[ki > 0.0] / ki[ki > 0.0]
     return float(max(np.median(times) if times.size else 0.0, _LEAST_WINDUP_SAMPLES * sample_time))
 
 

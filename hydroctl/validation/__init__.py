@@ -1,6 +1,7 @@
 """Validation on the nonlinear plant: scenarios, metrics, requirements and the verdict on each."""
 
 from .campaigns import CampaignResult, campaign, replay
+from .cluster import connected
 from .comparison import Comparison, Standing, against_rivals, compare, compare_reports, proportional_rivals, rivals, standings
 from .metrics import Metrics, measure
 from .report import Run, ValidationReport, validate
@@ -22,6 +23,7 @@ __all__ = [
     "campaign",
     "compare",
     "compare_reports",
+    "connected",
     "contact_scenarios",
     "default_requirements",
     "library",
