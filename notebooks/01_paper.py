@@ -107,9 +107,9 @@ figure
 
 # %% [markdown]
 # ## The answer
-# All 16 numbers of Table 1 come out to every printed digit, and the 26 coefficients to 2e-5. The model that they make misses the speed
-# of the rising staircase by 16 % of its spread, nearly all of it through the one constant for b; with the static gain matched at every
-# point less than 0.1 % is left.
+# All 16 numbers of Table 1 come out to every printed digit, and the 26 coefficients to 2e-5. The model that they make misses
+# the speed of the rising staircase by 16 % of its spread, nearly all of it through the one constant for b; with the static gain
+# matched at every point less than 0.1 % is left.
 
 # %%
 assert matching == 16

@@ -13,9 +13,9 @@
 # %% [markdown]
 # # Can the model be found from a noisy record, without the data sheet?
 #
-# The quasi-linear model is linear in its coefficients, which invites plain least squares, as the source paper proposes. This notebook
-# records a motion with 20 % of noise on the speed, identifies the model twice, by least squares and by refined instrumental variables,
-# and compares both with what the equations of the machine say.
+# The quasi-linear model is linear in its coefficients, which invites plain least squares, as the source paper proposes. This
+# notebook records a motion with 20 % of noise on the speed, identifies the model twice, by least squares and by refined
+# instrumental variables, and compares both with what the equations of the machine say.
 
 # %%
 import numpy as np
@@ -28,8 +28,8 @@ rng = np.random.default_rng(5)
 
 # %% [markdown]
 # ## The record
-# Three seconds around x = 0.1: the valve jumps at random between 0.08 and 0.12, each time for 2 to 9 ms, which excites the resonance.
-# The sensor adds noise to the speed, a fifth of the speed's own spread.
+# Three seconds around x = 0.1: the valve jumps at random between 0.08 and 0.12, each time for 2 to 9 ms, which excites the
+# resonance. The sensor adds noise to the speed, a fifth of the speed's own spread.
 
 # %%
 Ts, count, x_mean, y_start = 1e-3, 3001, 0.1, 0.1
@@ -52,9 +52,10 @@ figure
 
 # %% [markdown]
 # ## Two methods on the same record
-# Least squares needs the derivatives of the speed, and differences of a noisy speed correlate with the noise itself: the estimate is
-# biased, however long the record. Refined instrumental variables filter the record with the model that they find, and use a noise-free
-# simulation of it as instrument. The truth is the linear model of the equations at the mean position, reduced to second order.
+# Least squares needs the derivatives of the speed, and differences of a noisy speed correlate with the noise itself: the
+# estimate is biased, however long the record. Refined instrumental variables filter the record with the model that they find,
+# and use a noise-free simulation of it as instrument. The truth is the linear model of the equations at the mean position,
+# reduced to second order.
 
 # %%
 truth = hc.reduce_order(hc.linearize(actuator, hc.find_operating_points(actuator, [x_mean], motion.y.mean())))
@@ -68,8 +69,8 @@ for method, error in errors.items():
 
 # %% [markdown]
 # ## How well it is known
-# The covariance says how far the coefficients may be off. Fifty records with other noise show that it tells the truth: the scatter of
-# the fifty estimates beside the standard deviation that each of them states.
+# The covariance says how far the coefficients may be off. Fifty records with other noise show that it tells the truth: the
+# scatter of the fifty estimates beside the standard deviation that each of them states.
 
 # %%
 noisy = [motion.v + 0.2 * motion.v.std() * rng.normal(size=count) for _ in range(50)]
