@@ -24,6 +24,8 @@ from matplotlib.figure import Figure
 import hydroctl as hc
 from hydroctl import paper
 
+# %matplotlib inline
+
 # %% [markdown]
 # ## Table 1: zero and poles
 # Secant form (the paper's equation 2), leakage zero. The paper states Kv = 5e-12, but its table belongs to Kv = 0.

@@ -27,6 +27,8 @@ import hydroctl as hc
 from hydroctl import plotting
 from hydroctl.schedule import check_margins
 
+# %matplotlib inline
+
 actuator = hc.load_actuator("reference")
 x, y = np.array([-1.0, -0.1, 0.1, 1.0]), np.array([0.0, 0.25, 0.5])
 structures = ("pi", "pi+notch", "pid", "pid+notch")

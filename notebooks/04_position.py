@@ -27,6 +27,8 @@ import hydroctl as hc
 from hydroctl import plotting
 from hydroctl.tuning import default_points
 
+# %matplotlib inline
+
 actuator = hc.load_actuator("reference")
 x, y = default_points(actuator)
 schedule, fixed = (tune(actuator, x, y, loop="position", structure="pi") for tune in (hc.tune, hc.tune_fixed))

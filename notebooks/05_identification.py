@@ -23,6 +23,8 @@ from matplotlib.figure import Figure
 
 import hydroctl as hc
 
+# %matplotlib inline
+
 actuator = hc.load_actuator("reference")
 rng = np.random.default_rng(5)
 

@@ -26,6 +26,8 @@ from matplotlib.figure import Figure
 
 import hydroctl as hc
 
+# %matplotlib inline
+
 # %% [markdown]
 # ## The schedule
 # A position loop with a notch, a filter of the measurement, the derivative on the measurement,
