@@ -39,6 +39,7 @@ _HOME = {
     "characterize": "characteristics",
     "compare": "validation",
     "design": "design",
+    "export_plant": "export",
     "export_schedule": "export",
     "find_operating_points": "operating_point",
     "fit_surfaces": "surfaces",
