@@ -41,6 +41,7 @@ _HOME = {
     "check_coupling": "coupling",
     "compare": "validation",
     "design": "design",
+    "export_plant": "export",
     "export_schedule": "export",
     "find_operating_points": "operating_point",
     "fit_surfaces": "surfaces",

@@ -44,6 +44,7 @@ class Target(StrEnum):
     c = "c"
     st = "st"
     mat = "mat"
+    fmu = "fmu"
     csv = "csv"
 
 
@@ -203,7 +204,7 @@ def report(
 @app.command()
 def export(
     schedule: Annotated[Path, typer.Argument(help="a schedule.json that `hydroctl design` wrote")],
-    to: Annotated[Target, typer.Option(help="C99, IEC 61131-3 structured text, MATLAB tables, CSV, or the checked schedule file")],
+    to: Annotated[Target, typer.Option(help="C99, structured text, MATLAB tables, FMUs, CSV, or the schedule file itself")],
     directory: Annotated[Path, typer.Option("-o", "--output", help="where the files go")] = Path("hydroctl-out"),
     single: Annotated[bool, typer.Option("--float", help="single precision: float in C, REAL in structured text")] = False,
     force: Annotated[bool, typer.Option(help="export even if the schedule fails its checks; the files say so")] = False,

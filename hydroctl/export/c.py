@@ -29,10 +29,13 @@ def sources(contents: Contents, name: str, real: str) -> tuple[bytes, bytes]:
         "fn": lambda function: function + ("f" if real == "float" else ""),
         "tolerance": _FLOAT_TOLERANCE if real == "float" else TOLERANCE,
     }
-    filters = {"number": lambda value: number(value, real), "numbers": lambda values: ", ".join(number(v, real) for v in values)}
-    return tuple(render(f"regulator.{kind}.jinja", filters=filters, **values) for kind in ("h", "c"))
+    return tuple(render(f"regulator.{kind}.jinja", filters=filters(real), **values) for kind in ("h", "c"))
 
 
-def number(value: float, real: str) -> str:
-    """A literal in C."""
-    return "NAN" if isnan(value) else shortest(value, real) + ("f" if real == "float" else "")
+def filters(real: str) -> dict:
+    """What the templates write numbers with: `number` for one, `numbers` for several with commas."""
+
+    def number(value: float) -> str:
+        return "NAN" if isnan(value) else shortest(value, real) + ("f" if real == "float" else "")
+
+    return {"number": number, "numbers": lambda values: ", ".join(map(number, values))}

@@ -6,14 +6,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from ..errors import InputError, unknown_name
-from . import c, csv, json, matlab, structured_text
+from . import c, csv, fmu, json, matlab, structured_text
 from .contents import contents_of
 from .text import REALS
 
 if TYPE_CHECKING:
     from ..schedule import GainSchedule
 
-_WRITERS = {"json": json.write_json, "csv": csv.write_csv, "mat": matlab.write_matlab}
+_WRITERS = {"json": json.write_json, "csv": csv.write_csv, "mat": matlab.write_matlab, "fmu": fmu.write_fmu}
 _CODE_WRITERS = {"c": c.write_c, "st": structured_text.write_structured_text}
 FORMATS = (*_WRITERS, *_CODE_WRITERS)
 
@@ -21,7 +21,7 @@ FORMATS = (*_WRITERS, *_CODE_WRITERS)
 def export_schedule(
     schedule: GainSchedule,
     path: str | Path,
-    format: Literal["json", "c", "st", "mat", "csv"] = "json",
+    format: Literal["json", "c", "st", "mat", "csv", "fmu"] = "json",
     *,
     real: Literal["double", "float"] = "double",
     force: bool = False,
@@ -30,6 +30,7 @@ def export_schedule(
 
     "json": the schedule file, with test vectors. "c": ISO C99, `path` and a header beside it; "st": a function block of
     IEC 61131-3; both named after the file, in `real` arithmetic. "mat": tables for MATLAB and Octave. "csv": a line for each node.
+    "fmu": the regulator and, beside it, the plant for co-simulation (FMI 2.0); needs a C compiler.
     A schedule whose margins fail its specification is refused unless `force`, and then the file says so. Raises InputError.
     """
     if format not in FORMATS:

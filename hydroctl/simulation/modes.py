@@ -40,9 +40,14 @@ def fastest_mode(actuator: Actuator) -> float:
     return max(float(np.abs(np.linalg.eigvals(matrices)).max()), _valve_mode(actuator))
 
 
+def longest_step(actuator: Actuator) -> float:
+    """The longest step in s of the fixed-step integrator: 0.35 rad of the fastest mode."""
+    return _RADIANS_PER_STEP / fastest_mode(actuator)
+
+
 def substeps(actuator: Actuator, Ts: float) -> int:
-    """Steps of the fixed-step integrator per sample: at most 0.35 rad of the fastest mode each."""
-    return max(1, math.ceil(fastest_mode(actuator) * Ts / _RADIANS_PER_STEP))
+    """Steps of the fixed-step integrator per sample."""
+    return max(1, math.ceil(Ts / longest_step(actuator)))
 
 
 def is_stiff(actuator: Actuator, step: float) -> bool:
