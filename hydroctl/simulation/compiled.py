@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import hashlib
 import inspect
+from collections.abc import Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from types import FunctionType, ModuleType
 
 import numba
+import numpy as np
 
 from .. import plant as _plant
 from ..actuator import Actuator
@@ -24,6 +26,7 @@ from . import adaptive as _adaptive
 from . import butcher as _butcher
 from . import careful as _careful
 from . import dormand_prince as _dormand_prince
+from . import group as _group
 from . import lanes as _lanes
 from . import law as _law
 from . import motion as _motion
@@ -96,7 +99,7 @@ class Motion:
 
 
 class Loop:
-    """The compiled closed loop of one machine build and one law build: `law`, `sampled`, `lanes`."""
+    """The compiled closed loop of one machine build and one law build: `law`, `sampled`, `lanes`, `group`."""
 
     def __init__(self, motion: Motion, law: ModuleType, build: str):
         self.law = law
@@ -104,6 +107,7 @@ class Loop:
         modules["sensing"] = compiled(_sensing, "sensing")
         self.sampled = compiled(_sampled, f"{motion.build}_{build}", **modules)
         self.lanes = compiled(_lanes, f"{motion.build}_{build}", **modules)
+        self.group = compiled(_group, f"{motion.build}_{build}", **modules)
 
 
 @cache
@@ -128,14 +132,27 @@ def _loop(motion: str, law: str) -> Loop:
 
 def motion_for(actuator: Actuator) -> Motion:
     """The kernels that integrate `actuator`: without the lines of effects that it does not have, where it has none of them."""
-    p = _plant.parameters(actuator)
-    effects = (p.breakaway_friction, p.end_stop_stiffness, p.valve_natural_frequency, p.dead_band)
-    return motion_build("full" if any(effects) else "plain")
+    return motion_build(_motion_name([actuator]))
 
 
 def loop_for(actuator: Actuator, regulator: Regulator) -> Loop:
     """The kernels that run `regulator` on `actuator`, without the lines of what they do not use."""
-    r = regulator
-    used = (r.Tm, r.compensated, r.inverse_depth, *(zero != pole for zero, pole in r.sections))
-    law = "full" if any(used) else "notched" if r.zz != r.zp else "plain"
-    return _loop(motion_for(actuator).build, law)
+    return loop_for_group([actuator], [regulator])
+
+
+def loop_for_group(actuators: Sequence[Actuator], regulators: Sequence[Regulator]) -> Loop:
+    """The kernels that run these regulators on these actuators, without the lines of what none of them uses."""
+    return _loop(_motion_name(actuators), _law_name(regulators))
+
+
+def _motion_name(actuators: Sequence[Actuator]) -> str:
+    p = [_plant.parameters(actuator) for actuator in actuators]
+    effects = [(q.breakaway_friction, q.end_stop_stiffness, q.valve_natural_frequency, q.dead_band) for q in p]
+    return "full" if np.any(effects) else "plain"
+
+
+def _law_name(regulators: Sequence[Regulator]) -> str:
+    used = [(r.Tm, r.compensated, r.inverse_depth, *(zero != pole for zero, pole in r.sections)) for r in regulators]
+    if np.any(used):
+        return "full"
+    return "notched" if any(r.zz != r.zp for r in regulators) else "plain"
