@@ -91,6 +91,15 @@ def test_mat_holds_tables_settings_names_and_units(schedule, tmp_path):
     assert read["settings"]["Ts"] == schedule.Ts
 
 
+def test_every_target_names_the_schedule_file_that_it_comes_from(schedule, tmp_path):
+    (path,) = hc.export_schedule(schedule, tmp_path / "press.json", "json")
+    assert path.read_bytes() == schedule.save(tmp_path / "saved.json").read_bytes()
+    fingerprint = json.loads(path.read_text())["fingerprint"]
+    for format in ("c", "st", "mat", "csv"):
+        written = hc.export_schedule(schedule, tmp_path / f"press.{format}", format)
+        assert all(fingerprint.encode() in file.read_bytes().replace(b"\x00", b"") for file in written)
+
+
 def test_the_command_line_exports_and_refuses(command, schedule, failing, tmp_path):
     saved, out = schedule.save(tmp_path / "press.json"), tmp_path / "out"
     code, stdout, _ = command("export", saved, "--to", "c", "--float", "-o", out)

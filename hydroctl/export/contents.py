@@ -10,9 +10,10 @@ import numpy as np
 
 from .. import __version__
 from ..errors import InputError
-from ..schedule_document import GAIN_UNITS
+from ..schedule_document import GAIN_UNITS, Document
+from ..schedule_file import document_of, vectors_in
 from ..simulation.law import Regulator
-from ..test_vectors import Vector, law_of, vectors_of
+from ..test_vectors import Vector, law_of
 from ..verdicts import margin_verdicts
 from .text import harmless
 
@@ -28,14 +29,18 @@ class Contents:
 
     schedule: GainSchedule
     regulator: Regulator
-    vectors: list[Vector]
-    failed_checks: tuple[str, ...]
-    """the checks that failed and that the user chose to pass over"""
+    document: Document
+    """the schedule file, with the checks that failed and that the user chose to pass over"""
+
+    @property
+    def vectors(self) -> list[Vector]:
+        """The test vectors of the schedule file."""
+        return vectors_in(self.document)
 
     @property
     def tables(self) -> dict[str, np.ndarray]:
         """The tables (nx, ny) that the law has a use for, by name."""
-        used = {"kp": True, "ki": self.regulator.tracking_rate != 0.0, "kd": bool(np.any(self.schedule.kd))}
+        used = {"kp": True, "ki": bool(np.any(self.schedule.ki)), "kd": bool(np.any(self.schedule.kd))}
         used["notch_frequency"] = self.regulator.shaped
         return {name: getattr(self.schedule, name) for name, use in used.items() if use}
 
@@ -54,11 +59,12 @@ class Contents:
             f"Machine: {actuator.name}",
             f"Source: {actuator.source}",
             f"Note: {actuator.note}",
+            f"SHA-256 of the schedule: {self.document.fingerprint}",
             f"SHA-256 of the machine's parameters: {actuator.fingerprint()}",
             *map(self._worst, ("Ms", "Mt")),
         ]
-        if self.failed_checks:
-            given += ["WRITTEN BY FORCE, ALTHOUGH THESE CHECKS FAILED:", *self.failed_checks]
+        if self.document.failed_checks:
+            given += ["WRITTEN BY FORCE, ALTHOUGH THESE CHECKS FAILED:", *self.document.failed_checks]
         return [part for line in given for part in wrap(harmless(line), _WIDTH, subsequent_indent="    ")]
 
     def _worst(self, name: str) -> str:
@@ -71,4 +77,4 @@ def contents_of(schedule: GainSchedule, *, force: bool = False) -> Contents:
     failed = tuple(str(verdict) for verdict in margin_verdicts(schedule) if not verdict.passed)
     if failed and not force:
         raise InputError(["the schedule fails its own checks; design it anew, or force the export:", *failed])
-    return Contents(schedule, law_of(schedule), vectors_of(schedule), failed)
+    return Contents(schedule, law_of(schedule), document_of(schedule, failed))

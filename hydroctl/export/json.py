@@ -5,10 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..schedule_document import write
-from ..schedule_file import document_of
 from .contents import Contents
 
 
 def write_json(contents: Contents, path: Path) -> tuple[Path, ...]:
     """Write `path` (see `schedule_document`)."""
-    return (write(document_of(contents.schedule, contents.failed_checks), path),)
+    return (write(contents.document, path),)
