@@ -44,12 +44,12 @@ def synchronization_errors(results: Mapping[str, SynchronizationResult], ax=None
     """The synchronisation errors of several motions, by label, on a logarithmic axis, and their reference speeds. `ax`: two axes;
     returns them.
     """
-    axes = several_axes(ax, 2, (6.4, 4.8), sharex=True)
+    axes = several_axes(ax, 2, (6.4, 4.8), sharex=True, below=0.5)
     for label, result in results.items():
         error = 1e3 * np.where(result.error > 0.0, result.error, np.nan)
         axes[0].semilogy(result.t, error, label=f"{label}: rms {1e3 * result.metrics.rms:.3g} mm")
         axes[1].plot(result.t, result.v_ref, label=label)
     axes[0].set(ylabel=_ERROR, title="Largest less least position")
-    axes[0].legend(loc="best", fontsize=7)
+    axes[1].legend(*axes[0].get_legend_handles_labels(), loc="upper center", bbox_to_anchor=(0.5, -0.3), ncols=2, fontsize=7)
     axes[1].set(xlabel=TIME, ylabel="reference\nspeed (m/s)")
     return axes

@@ -75,13 +75,10 @@ def standard_motion(actuators: Sequence[Actuator], *, Ts: float = 1e-3) -> tuple
     """(profile, loads (N, n) in N) by the cylinders' own measures, for a first trial of a group.
 
     From 0.3 to 0.7 of the stroke with a peak of half the lowest full speed; midway the last cylinder's load steps by a tenth of
-    what it can hold. Raises InputError where a cylinder cannot extend.
+    what it can hold. Raises OperatingPointError where a cylinder cannot extend.
     """
     stroke = min(actuator.stroke for actuator in actuators)
-    points = [find_operating_points(actuator, 1.0, 0.5 * stroke) for actuator in actuators]
-    if reasons := [str(point.reason) for point in points if not point.feasible]:
-        raise InputError(reasons)
-    speed = min(float(point.v) for point in points)
+    speed = min(float(find_operating_points(actuator, 1.0, 0.5 * stroke).v) for actuator in actuators)
     profile = s_curve(0.3 * stroke, 0.7 * stroke, _PEAK * 0.4 * stroke / (0.5 * speed), Ts=Ts)
     loads = [np.zeros(profile.t.size) for _ in actuators]
     loads[-1][profile.t.size // 2 :] = 0.1 * float(np.abs(stall_force(actuators[-1], np.array([-1.0, 1.0]))).min())
