@@ -40,6 +40,7 @@ _HOME = {
     "characterize": "characteristics",
     "compare": "validation",
     "design": "design",
+    "export_coupling": "export",
     "export_schedule": "export",
     "find_operating_points": "operating_point",
     "fit_surfaces": "surfaces",

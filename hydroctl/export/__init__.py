@@ -1,5 +1,6 @@
-"""Schedules in the forms that machines and other programs take."""
+"""Schedules, and couplings of several, in the forms that machines and other programs take."""
 
+from .coupling import export_coupling
 from .schedules import FORMATS, export_schedule
 
-__all__ = ["FORMATS", "export_schedule"]
+__all__ = ["FORMATS", "export_coupling", "export_schedule"]
