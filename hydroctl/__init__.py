@@ -42,6 +42,7 @@ _HOME = {
     "check_coupling": "coupling",
     "compare": "validation",
     "design": "design",
+    "export_coupling": "export",
     "export_plant": "export",
     "export_schedule": "export",
     "find_operating_points": "operating_point",

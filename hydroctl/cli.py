@@ -12,7 +12,7 @@ from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
@@ -113,18 +113,25 @@ def actuators(
 
 @app.command()
 def validate(
-    schedule: Annotated[Path, typer.Argument(help="a schedule.json that `hydroctl design` wrote")],
+    schedule: Annotated[list[Path], typer.Argument(help="a schedule.json that `hydroctl design` wrote; several to synchronize")],
     variants: Annotated[str, typer.Option(help="machines to try: nominal, design or box")] = "nominal",
     count: Annotated[int, typer.Option(help="run this many random cases instead", min=0)] = 0,
     seed: Annotated[int, typer.Option(help="seed of the random cases", min=0)] = 0,
     directory: Annotated[Path | None, typer.Option("-o", "--output", help="keep finished cases here; a new run resumes")] = None,
     scheduler: Annotated[str | None, typer.Option(help="run them on a dask cluster, such as tcp://host:8786")] = None,
     replay: Annotated[int | None, typer.Option(help="run one random case again, by its seed, and print its metrics", min=0)] = None,
+    synchronize: Annotated[bool, typer.Option("--synchronize", help="move one cylinder per schedule along one reference")] = False,
+    coupling: Annotated[str, typer.Option(help="of --synchronize: independent, master-slave, mean or ring")] = "mean",
+    tolerance: Annotated[float, typer.Option(help="of --synchronize: largest rms of max - min, in m", min=0)] = 1e-4,
 ) -> None:
-    """Try a schedule on the nonlinear plant of the machine that it was designed for."""
+    """Try a schedule on the nonlinear plant of the machine that it was designed for; or several on theirs, together."""
     from . import validation
 
-    loaded = hydroctl.load_schedule(schedule)
+    if synchronize:
+        _synchronize(schedule, coupling, tolerance, count, seed)
+    if len(schedule) > 1:
+        raise hydroctl.InputError(f"{len(schedule)} schedules were given; add --synchronize, or validate one at a time.")
+    loaded = hydroctl.load_schedule(schedule[0])
     if replay is not None:
         machine, scenario, trajectory = validation.replay(loaded.actuator, loaded, replay)
         metrics = validation.measure(machine, scenario, trajectory)
@@ -163,6 +170,28 @@ def _interruptible(directory: Path | None):
     finally:
         if not resumable:
             shutil.rmtree(kept, ignore_errors=True)
+
+
+def _synchronize(paths: list[Path], coupling: str, tolerance: float, count: int, seed: int) -> NoReturn:
+    """The standard motion of the schedules' machines, or random cases of it."""
+    from . import synchronization
+
+    schedules = [hydroctl.load_schedule(path) for path in paths]
+    machines = [schedule.actuator for schedule in schedules]
+    designed = synchronization.design_coupling(machines, schedules, coupling)
+    profile, loads = synchronization.standard_motion(machines, Ts=schedules[0].Ts)
+    result = hydroctl.synchronize(machines, schedules, profile, coupling=designed, load_forces=loads)
+    typer.echo(result.summary())
+    rms, completed = result.metrics.rms, result.completed
+    if count:
+        cases = synchronization.campaign(machines, schedules, profile, count=count, seed=seed, coupling=designed, load_forces=loads)
+        worst = cases.worst()
+        rms, completed = max(rms, float(cases.metrics["rms"][worst])), completed and bool(cases.completed.all())
+        failed = int((~cases.completed).sum())
+        typer.echo(f"{count} random cases, seed {seed}: {failed} failed, worst rms {1e3 * rms:.4f} mm (case {worst})")
+    passed = completed and designed.evidence.kept and rms <= tolerance
+    typer.echo(f"{'pass' if passed else 'FAIL'}  rms {1e3 * rms:.4f} mm, at most {1e3 * tolerance:g} mm allowed")
+    raise typer.Exit(0 if passed else 1)
 
 
 @app.command()

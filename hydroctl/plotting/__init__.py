@@ -13,6 +13,7 @@ from .loop import nichols, nyquist, root_locus
 from .maps import gain_surfaces, margin_map
 from .motion import comparison, overlay, traces
 from .output import save_figure, save_figures
+from .synchronization import group_motion, synchronization_errors
 
 __all__ = [
     "bode",
@@ -20,6 +21,7 @@ __all__ = [
     "design_figures",
     "distributions",
     "gain_surfaces",
+    "group_motion",
     "margin_map",
     "nichols",
     "nyquist",
@@ -30,5 +32,6 @@ __all__ = [
     "root_locus",
     "save_figure",
     "save_figures",
+    "synchronization_errors",
     "traces",
 ]

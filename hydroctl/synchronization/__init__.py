@@ -5,7 +5,7 @@ from .coupling import COUPLINGS, Coupling, CouplingEvidence
 from .design import design_coupling
 from .metrics import SynchronizationMetrics
 from .motion import Stop, SynchronizationResult, synchronize
-from .profile import MotionProfile, s_curve
+from .profile import MotionProfile, s_curve, standard_motion
 from .rules import Failure, MotionLimits, RateOverride, StopStrategy
 
 __all__ = [
@@ -25,5 +25,6 @@ __all__ = [
     "design_coupling",
     "random_group",
     "s_curve",
+    "standard_motion",
     "synchronize",
 ]

@@ -21,7 +21,7 @@ from ..simulation.trajectory import require_motion
 from .checks import group_faults, profile_faults
 from .coupling import Coupling
 from .design import design_coupling
-from .metrics import SynchronizationMetrics, measure_group
+from .metrics import SETTLING, SynchronizationMetrics, measure_group
 from .profile import MotionProfile
 from .rules import Failure, MotionLimits, RateOverride, StopStrategy
 
@@ -90,6 +90,25 @@ class SynchronizationResult:
         """Figures of the whole motion."""
         commands = np.array([trajectory.command for trajectory in self.trajectories])
         return measure_group(self.error, self.reference - self.y, commands, self.load_steps, self.profile.Ts)
+
+    def summary(self) -> str:
+        """What was reached, and with which coupling, in a few lines."""
+        m, c = self.metrics, self.coupling
+        lines = [
+            f"{len(self.trajectories)} cylinders, coupling {c.name}, kc = {c.kc:.3g}, ki = {c.ki:.3g} 1/s",
+            *([f"  {c.evidence}"] if c.evidence else []),
+            f"  synchronisation error: rms {1e3 * m.rms:.4f} mm, peak {1e3 * m.peak:.4f} mm",
+        ]
+        if self.load_steps.any():
+            parts = f"rms {1e3 * m.rms_after_load_steps:.4f} mm, peak {1e3 * m.peak_after_load_steps:.4f} mm"
+            lines.append(f"  in the {SETTLING:g} s after each load step: {parts}")
+        end = "to the end of the reference" if self.completed else "NOT to the end of the reference"
+        lines.append(f"  {m.duration:.3f} s, {end}, {m.saturation_time:.3f} s with a valve fully open")
+        if self.stop is not None:
+            s = self.stop
+            way = f"all halted within {1e3 * s.distance.max():.3f} mm ({1e3 * s.stated:g} mm stated)"
+            lines.append(f"  stopped at {s.time:.3f} s, cylinder {s.cylinder + 1}: {s.reason}; {way}")
+        return "\n".join(lines)
 
 
 def synchronize(

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..actuator import Actuator
 from ..errors import InputError
+from ..operating_point import find_operating_points, stall_force
 
 _PEAK = 1.875
 """peak speed of `s_curve` over its mean speed"""
@@ -68,6 +71,15 @@ def s_curve(
     return MotionProfile(Ts=Ts, position=position, speed=distance / duration * 30.0 * u**2 * (1.0 - u) ** 2)
 
 
-def shortest_duration(distance: float, speed: float) -> float:
-    """s in which `s_curve` covers `distance` m with a peak of `speed` m/s."""
-    return _PEAK * abs(distance) / speed
+def standard_motion(actuators: Sequence[Actuator], *, Ts: float = 1e-3) -> tuple[MotionProfile, list[np.ndarray]]:
+    """(profile, loads (N, n) in N) by the cylinders' own measures, for a first trial of a group.
+
+    From 0.3 to 0.7 of the stroke with a peak of half the lowest full speed; midway the last cylinder's load steps by a tenth of
+    what it can hold. Raises OperatingPointError where a cylinder cannot extend.
+    """
+    stroke = min(actuator.stroke for actuator in actuators)
+    speed = min(float(find_operating_points(actuator, 1.0, 0.5 * stroke).v) for actuator in actuators)
+    profile = s_curve(0.3 * stroke, 0.7 * stroke, _PEAK * 0.4 * stroke / (0.5 * speed), Ts=Ts)
+    loads = [np.zeros(profile.t.size) for _ in actuators]
+    loads[-1][profile.t.size // 2 :] = 0.1 * float(np.abs(stall_force(actuators[-1], np.array([-1.0, 1.0]))).min())
+    return profile, loads
