@@ -10,7 +10,7 @@ import numpy as np
 from .. import __version__
 from ..errors import InputError, unknown_name
 from ..files import write_file
-from .c import number
+from .c import filters
 from .text import REALS, harmless, identifier, render
 
 if TYPE_CHECKING:
@@ -50,6 +50,5 @@ def export_coupling(
         "ki": coupling.ki,
         "Ts": sample_time,
     }
-    filters = {"number": lambda value: number(value, real), "numbers": lambda row: ", ".join(number(value, real) for value in row)}
-    header, source = (render(f"coupling.{kind}.jinja", filters=filters, **values) for kind in ("h", "c"))
+    header, source = (render(f"coupling.{kind}.jinja", filters=filters(real), **values) for kind in ("h", "c"))
     return write_file(path.with_suffix(".h"), header), write_file(path.with_suffix(".c"), source)
