@@ -42,16 +42,7 @@ def document_of(schedule, failed_checks: tuple[str, ...] = ()) -> schedule_docum
         offset_extend=float(schedule.speed_offset_extend),
         offset_retract=float(schedule.speed_offset_retract),
     )
-    actuator, specification = schedule.actuator, schedule.specification
-    given = {name: value for name, value in actuator.parameters().items() if value is not None}
-    parameters = {name: d.Quantity(value=value, unit=PARAMETERS[name].metadata["unit"]) for name, value in given.items()}
-    machine = d.Machine(
-        name=actuator.name,
-        source=actuator.source,
-        note=actuator.note,
-        fingerprint=actuator.fingerprint(),
-        parameters=parameters,
-    )
+    specification = schedule.specification
     uncertainty = specification.uncertainty
     design = d.Design(
         x=schedule.design_x.tolist(),
@@ -81,13 +72,26 @@ def document_of(schedule, failed_checks: tuple[str, ...] = ()) -> schedule_docum
             tables=tables,
         ),
         feed_forward=feed_forward,
-        actuator=machine,
+        actuator=_machine(schedule.actuator),
         design=design,
         failed_checks=list(failed_checks),
         test_vectors=_test_vectors(vectors_of(schedule), schedule.loop),
         fingerprint=None,
     )
     return document.model_copy(update={"fingerprint": d.fingerprint(document)})
+
+
+def _machine(actuator: Actuator) -> schedule_document.Machine:
+    given = {name: value for name, value in actuator.parameters().items() if value is not None}
+    return schedule_document.Machine(
+        name=actuator.name,
+        source=actuator.source,
+        note=actuator.note,
+        fingerprint=actuator.fingerprint(),
+        parameters={
+            name: schedule_document.Quantity(value=value, unit=PARAMETERS[name].metadata["unit"]) for name, value in given.items()
+        },
+    )
 
 
 def _test_vectors(vectors: list[Vector], loop: str) -> schedule_document.TestVectors:
