@@ -120,6 +120,13 @@ def test_a_start_holds_the_command_that_it_is_given(effect):
         assert compiled.sample(0.02, 0.02, measured, memory, regulator).x == pytest.approx(x, abs=1e-12)
 
 
+def test_a_start_clips_the_command_and_begins_at_rest_where_an_input_is_unknown():
+    regulator, measured = regulator_of(schedule()), (0.0, 0.0, 0.013, 0.2)
+    assert compiled.start(1.7, 0.02, 0.0, measured, regulator) == compiled.start(1.0, 0.02, 0.0, measured, regulator)
+    assert compiled.start(np.nan, 0.02, 0.0, measured, regulator) == law.AT_REST
+    assert compiled.start(0.3, 0.02, 0.0, (0.0, 0.0, np.nan, 0.2), regulator) == law.AT_REST
+
+
 def test_a_start_without_integral_lets_the_law_decide():
     regulator = regulator_of(constant(kp=2.0, ki=0.0, kd=0.0))
     measured = (0.0, 0.0, 0.01, 0.2)

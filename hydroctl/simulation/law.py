@@ -272,29 +272,38 @@ def regulate(reference, forward, measured, gains, memory, regulator):
     return Memory(integral, derivative, g, notch_1, notch_2, x, section_1, section_2, m_f, 1.0)
 
 
-def sample(reference, v_ref, measured, memory, regulator):
-    """The whole law for one sample: lookup at (memory's x, y), then `regulate`. Returns the new memory.
-
-    measured = (p_a, p_b, v, y); of the pressures only a compensation reads, of v only a velocity loop.
-    """
+def is_sound(reference, v_ref, measured, regulator):
+    """Whether every input that the law reads is finite."""
     p_a, p_b, v, y = measured
     needed = reference + v_ref + y
     if not regulator.position:
         needed += v
     if regulator.compensated:
         needed += p_a + p_b
-    if not np.isfinite(needed):
+    return np.isfinite(needed)
+
+
+def sample(reference, v_ref, measured, memory, regulator):
+    """The whole law for one sample: lookup at (memory's x, y), then `regulate`. Returns the new memory.
+
+    measured = (p_a, p_b, v, y); of the pressures only a compensation reads, of v only a velocity loop.
+    """
+    if not is_sound(reference, v_ref, measured, regulator):
         return AT_REST
-    gains = gains_at(memory.x, y, regulator)
+    gains = gains_at(memory.x, measured[3], regulator)
     return regulate(reference, feed_forward(v_ref, regulator), measured, gains, memory, regulator)
 
 
 def start(x, reference, v_ref, measured, regulator):
     """The memory from which the next sample, with these inputs, gives the command x: a bumpless start, or change of schedule.
 
-    |x| <= 1. Filters stand in their steady state. Without an integral nothing can hold x: its memory is 0, and the command jumps
-    to what the law asks for.
+    x is clipped to [-1, 1]. Filters stand in their steady state. Without an integral nothing can hold x: its memory is 0, and the
+    command jumps to what the law asks for. With an input that is not finite the law starts from rest.
     """
+    if not (is_sound(reference, v_ref, measured, regulator) and np.isfinite(x)):
+        return AT_REST
+    raised = np.where(x < -1.0, -1.0, x)
+    x = np.where(raised > 1.0, 1.0, raised)
     p_a, p_b, v, y = measured
     m = np.where(regulator.position, y, v)
     kp, _, _, wn = gains_at(x, y, regulator)
