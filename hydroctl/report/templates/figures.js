@@ -20,7 +20,7 @@ function colour(fraction) {
 function drawMap({ x, y, layers }, index, choose) {
   const { label, unit, worst, values } = layers[index], svg = byId("map-figure");
   const width = widthOf(svg), height = 330;
-  const frame = { left: 58, right: width - 84, top: 8, bottom: height - 40 };
+  const frame = { left: 68, right: width - 84, top: 8, bottom: height - 40 };
   const wide = (frame.right - frame.left) / y.length, tall = (frame.bottom - frame.top) / x.length;
   const measure = unit === "1" ? "" : ` ${unit}`;
   const finite = values.flat().filter((value) => value !== null);
