@@ -17,7 +17,7 @@ from .refinement import Problem, broken, exact_gains, rough_gains
 from .task import Task, task_of
 
 _WINDUP_SHARE, _LEAST_WINDUP_SAMPLES = 0.25, 10
-_DENSER = 3
+_DENSER = 5
 _LOW_FLOW = 0.1
 
 
@@ -66,12 +66,18 @@ def _scheduled(task: Task) -> GainSchedule:
 
 
 def _needed_points(schedule: GainSchedule) -> tuple[np.ndarray, np.ndarray]:
-    """(x, y): the design points, with those rows and columns half-way between them where a limit is missed by too much."""
+    """(x, y): the design points, with those rows and columns half-way between them where a limit is missed by too much.
+
+    Where it is missed at a design opening or position, the other coordinate is the one that lacks points.
+    """
     x, y = with_midpoints(schedule.design_x), with_midpoints(schedule.design_y)
     _, plants = sampled_plants(schedule.actuator, x, y, schedule.loop, schedule.specification)
     loops = Loop(plants, schedule.gains(x[:, None], y).broadcast_to(plants.shape))
     missed = broken(loops, between_points(schedule.specification)).any(axis=0)
-    return x[missed.any(axis=1) | np.isin(x, schedule.design_x)], y[missed.any(axis=0) | np.isin(y, schedule.design_y)]
+    new_x, new_y = ~np.isin(x, schedule.design_x), ~np.isin(y, schedule.design_y)
+    on_a_line = missed & ~(new_x[:, None] & new_y)
+    missed = on_a_line if on_a_line.any() else missed
+    return x[missed.any(axis=1) | ~new_x], y[missed.any(axis=0) | ~new_y]
 
 
 def tune_fixed(
