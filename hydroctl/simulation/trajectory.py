@@ -66,12 +66,12 @@ class Trajectory:
 
 def require_motion(actuator: Actuator, trajectory: Trajectory) -> Trajectory:
     """The trajectory itself; SimulationError where it holds no physical motion: numbers overflow or a chamber has no volume."""
-    y = trajectory.y
-    volume_a, volume_b = actuator.volume_a + actuator.area_a * y, actuator.volume_b - actuator.area_b * y
-    finite = np.isfinite(trajectory.v + trajectory.p_a + trajectory.p_b)
-    sound = finite & (volume_a > 0.0) & (volume_b > 0.0)
-    if sound.all():
-        return trajectory
+    y, lowest, highest = trajectory.y, -actuator.volume_a / actuator.area_a, actuator.volume_b / actuator.area_b
+    with np.errstate(invalid="ignore", over="ignore"):
+        finite = np.isfinite(trajectory.v.sum() + trajectory.p_a.sum() + trajectory.p_b.sum())
+        if finite and lowest < y.min() and y.max() < highest:
+            return trajectory
+        sound = np.isfinite(trajectory.v + trajectory.p_a + trajectory.p_b) & (lowest < y) & (y < highest)
     raise SimulationError(
         f"The motion has no meaning from t = {trajectory.t[np.argmin(sound)]:g} s on: the piston has used up a chamber beyond its "
         f"stroke of 0 to {actuator.stroke:g} m, or the loop is unstable. Shorten the motion or lower the gains."
