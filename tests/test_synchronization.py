@@ -44,7 +44,7 @@ def other_schedule(**changes):
 
 @pytest.mark.parametrize("machines", [(ACTUATOR, SOFT), (ACTUATOR, REAL, SOFT)], ids=["plain", "one with a real valve"])
 def test_uncoupled_cylinders_move_bit_for_bit_as_each_alone(machines):
-    schedules = [GIVEN, other_schedule(), GIVEN][: len(machines)]
+    schedules = [GIVEN, other_schedule(), schedule("position", feed_forward=True, delay_samples=1.4)][: len(machines)]
     profile = s_curve(0.1, 0.13, 0.4, after=0.2)
     load = 1e5 * (profile.t > 0.3)
     loads = [0.0, load, -5e4][: len(machines)]

@@ -19,7 +19,7 @@ from math import inf, nan
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from ..plant import Parameters
-from . import butcher, law, motion
+from . import careful, law, motion
 from .law import AT_REST, Compensation, Regulator
 
 ROWS = ("p_a", "p_b", "v", "y", "spool", "x", "command", "target")
@@ -36,14 +36,15 @@ NUMBERS = tuple(name for name in Regulator._fields if name not in _ARRAYS)
 def regulator_at(i, tables):
     """The regulator of cylinder i from the tables of all."""
     x, x_slope, y, y_slope, table, limits, sections, compensation, numbers = tables
-    position, Ts, Tf, Tm, b, c, zz, zp, shaped, rate, slope, offset, back, back_offset, compensated, depth, width, delay = (
-        to_fixed_tuple(numbers[i], 18)
+    position, Ts, Tf, Tm, b, c, zz, zp, shaped, rate, slope, offset, back, back_offset, compensated, depth, width, delay, part = (
+        to_fixed_tuple(numbers[i], 19)
     )
     curves = x[i], x_slope[i], y[i], y_slope[i], table[i], limits[i], position != 0.0
     two = to_fixed_tuple(sections[i, 0], 2), to_fixed_tuple(sections[i, 1], 2)
-    pressures = compensated != 0.0, Compensation(*to_fixed_tuple(compensation[i], 13))
     forward = slope, offset, back, back_offset
-    return Regulator(*curves, Ts, Tf, Tm, b, c, zz, zp, two, shaped != 0.0, rate, *forward, *pressures, depth, width, int(delay))
+    pressures = compensated != 0.0, Compensation(*to_fixed_tuple(compensation[i], 13))
+    late = int(delay), part
+    return Regulator(*curves, Ts, Tf, Tm, b, c, zz, zp, two, shaped != 0.0, rate, *forward, *pressures, depth, width, *late)
 
 
 def at(values, place):
@@ -108,11 +109,12 @@ def couple(reference, seen, coupling, integrals, differences, offsets):
 
 
 def told(i, k, stopped, failure, delay, out):
-    """The command that valve i is told at sample k."""
+    """The commands that valve i is told in sample k, before and after its new one acts."""
     faulty, since, kind = failure
     if i == faulty and kind == VALVE and k >= since:
-        return 0.0 if stopped >= 0 or since == 0 else out[i, X, since - 1]
-    return out[i, COMMAND, k - delay] if k >= delay else 0.0
+        held = 0.0 if stopped >= 0 or since == 0 else out[i, X, since - 1]
+        return held, held
+    return (out[i, COMMAND, k - delay - 1] if k > delay else 0.0), (out[i, COMMAND, k - delay] if k >= delay else 0.0)
 
 
 def run(states, path, load, override, stop, failure, coupling, tables, machines, substeps, out, common):
@@ -130,6 +132,7 @@ def run(states, path, load, override, stop, failure, coupling, tables, machines,
     memories = [AT_REST for _ in range(count)]
     seen, differences, integrals, offsets = states[:, Y].copy(), 0.0 * states[:, Y], 0.0 * states[:, Y], 0.0 * states[:, Y]
     Ts = regulators[0].Ts
+    parts = [careful.parts(regulators[i].delay_fraction, Ts, substeps[i]) for i in range(count)]
     place, rate, stopped = 0.0, 1.0, -1
     common[REFERENCE, 0], common[V_REF, 0] = path[0, 0], 0.0
     for k in range(samples):
@@ -148,12 +151,14 @@ def run(states, path, load, override, stop, failure, coupling, tables, machines,
             out[i, TARGET, k], out[i, COMMAND, k] = target, memories[i].x
             open_wide = max(open_wide, abs(memories[i].x))
             x = told(i, k, stopped, failure, regulators[i].delay_samples, out)
-            z = motion.told(z, x, plants[i])
+            z = motion.told(z, x[1] if parts[i][0][0] == 0 else x[0], plants[i])
             out[i, 0, k], out[i, 1, k], out[i, 2, k], out[i, Y, k], out[i, 4, k], _ = z
-            out[i, X, k] = x
-            h = Ts / substeps[i]
-            for _ in range(substeps[i]):
-                z = butcher.step(z, x, load[i, k], plants[i], h)
+            out[i, X, k] = x[1]
+            for part in range(2):
+                steps, h = parts[i][part]
+                z = motion.told(z, x[part], plants[i])
+                for _ in range(steps):
+                    z = careful.step(z, x[part], load[i, k], plants[i], h)
             states[i, 0], states[i, 1], states[i, 2], states[i, 3], states[i, 4], states[i, 5] = z
         if open_wide < 1.0:
             for i in range(count):
