@@ -108,6 +108,7 @@ def _linear_law(schedule: GainSchedule, x: np.ndarray, y: np.ndarray):
 
     frozen = schedule.gains(*grid)
     direct = frozen.kp + frozen.kd / (schedule.Tf + schedule.Ts)
+    direct = np.where(direct > 0.0, direct, 1.0)
     steps = dict.fromkeys(used, np.full(m.shape, _STEP)) | dict.fromkeys(("last", "filtered"), _STEP / direct)
     steps["derivative"] = _STEP / np.where(frozen.kd > 0.0, frozen.kd, 1.0)
     columns = []
