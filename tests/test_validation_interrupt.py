@@ -11,7 +11,7 @@ import pytest
 import hydroctl as hc
 from hydroctl import cli
 
-COUNT = 16384
+COUNT = 6144
 
 
 @pytest.fixture
