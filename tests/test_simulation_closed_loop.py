@@ -1,6 +1,8 @@
 """The sampled closed loop on the nonlinear plant: against DOP853 with an independent regulator, and its laws."""
 
 import dataclasses
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -196,3 +198,20 @@ def test_tracking_scenarios_of_other_machines_agree_with_dop853_to_a_millionth(n
     found = simulate_closed_loop(actuator, given, asked)
     for key, row in zip(("p_a", "p_b", "v", "y"), expected[:4], strict=True):
         assert np.abs(getattr(found, key) - row).max() <= 1e-6 * np.ptp(row), key
+
+
+def test_threads_that_ask_for_kernels_at_once_get_the_same_ones():
+    """In a fresh process: machine code is kept in one place, whichever thread made it."""
+    code = """
+from concurrent.futures import ThreadPoolExecutor
+import hydroctl, numba
+from hydroctl.simulation.compiled import _CACHE_DIRECTORY, functions, motion_for
+machine = hydroctl.load_actuator("reference")
+with ThreadPoolExecutor(8) as pool:
+    found = list(pool.map(lambda _: motion_for(machine), range(8)))
+places = {function._cache.cache_path for function in functions(found[0].butcher).values()}
+print(all(each is found[0] for each in found), all(place.startswith(_CACHE_DIRECTORY) for place in places), len(places))
+print(any(place.count(_CACHE_DIRECTORY[-16:]) > 1 for place in places))
+"""
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert told == ["True", "True", "1", "False"]

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
+from threading import RLock
 from types import FunctionType, ModuleType
 
 import numba
@@ -41,16 +42,25 @@ _SOURCES = (_plant, _absent, _absent_law, _adaptive, _butcher, _careful, _dorman
 _SOURCES += (_sensing, scalar)
 
 
-@contextmanager
-def _cache_directory():
+def _cache_directory() -> str:
     """Where numba keeps machine code: a directory named after a hash of all the sources that enter a kernel.
 
     numba renews a cached function when its own file changes, but not when a function that it calls does.
     """
     sources = [Path(__file__), *(Path(module.__file__) for module in _SOURCES)]
     fingerprint = hashlib.sha256(b"\0".join(path.read_bytes() for path in sources)).hexdigest()[:16]
+    return str(Path(numba.config.CACHE_DIR or _HERE / "__pycache__") / fingerprint)
+
+
+_CACHE_DIRECTORY = _cache_directory()
+_LOCK = RLock()
+"""One thread at a time makes kernels: numba's cache directory is a global setting, and a kernel made twice is compiled twice."""
+
+
+@contextmanager
+def _own_cache():
     before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(Path(before or _HERE / "__pycache__") / fingerprint)
+    numba.config.CACHE_DIR = _CACHE_DIRECTORY
     try:
         yield
     finally:
@@ -72,7 +82,7 @@ def compiled(module: ModuleType, build: str, **replaced) -> ModuleType:
             rebound = FunctionType(value.__code__, names, name, value.__defaults__)
             rebound.__qualname__ = f"{build}_{name}"
             options = {"cache": True, "error_model": "numpy", "nogil": True, "forceinline": name not in names.get("CALLED", ())}
-            with _cache_directory():
+            with _own_cache():
                 names[name] = numba.njit(rebound, **options)
     return result
 
@@ -132,7 +142,8 @@ def _loop(motion: str, law: str) -> Loop:
 
 def motion_for(actuator: Actuator) -> Motion:
     """The kernels that integrate `actuator`: without the lines of effects that it does not have, where it has none of them."""
-    return motion_build(_motion_name([actuator]))
+    with _LOCK:
+        return motion_build(_motion_name([actuator]))
 
 
 def loop_for(actuator: Actuator, regulator: Regulator) -> Loop:
@@ -142,7 +153,8 @@ def loop_for(actuator: Actuator, regulator: Regulator) -> Loop:
 
 def loop_for_group(actuators: Sequence[Actuator], regulators: Sequence[Regulator]) -> Loop:
     """The kernels that run these regulators on these actuators, without the lines of what none of them uses."""
-    return _loop(_motion_name(actuators), _law_name(regulators))
+    with _LOCK:
+        return _loop(_motion_name(actuators), _law_name(regulators))
 
 
 def _motion_name(actuators: Sequence[Actuator]) -> str:
