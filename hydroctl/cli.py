@@ -220,12 +220,11 @@ def report(
 ) -> None:
     """Write the report page of a schedule: verdicts, maps, motions, and an explorer of its loop, in one HTML file."""
     from .report import write_report
-    from .validation import against_rivals
+    from .validation import against_rivals, fixed_rival
 
     loaded = hydroctl.load_schedule(schedule)
     validation = hydroctl.validate(loaded.actuator, loaded)
-    settings = {"loop": loaded.loop, "structure": loaded.structure, "specification": loaded.specification}
-    fixed = hydroctl.tune_fixed(loaded.actuator, loaded.design_x, loaded.design_y, **settings)
+    fixed = fixed_rival(loaded, loaded.structure)
     write_report(path, loaded, validation, beside={"fixed": fixed}, comparison=against_rivals(loaded, fixed))
     typer.echo(f"written to {path}")
 

@@ -42,8 +42,8 @@ class ParallelForm:
 
 
 @dataclass(frozen=True)
-class StandardForm:
-    """K in units of u per unit of e, not 0; times in s: Ti > 0 (inf: no integral), Td >= 0, Tf >= 0."""
+class _TimeForm:
+    """A form of one gain and three times."""
 
     K: float
     Ti: float = math.inf
@@ -52,6 +52,11 @@ class StandardForm:
 
     def __post_init__(self):
         _raise(_time_faults(self) + _filter_faults(self))
+
+
+@dataclass(frozen=True)
+class StandardForm(_TimeForm):
+    """K in units of u per unit of e, not 0; times in s: Ti > 0 (inf: no integral), Td >= 0, Tf >= 0."""
 
     def frequency_response(self, omega) -> np.ndarray:
         """(n,) complex C at omega in rad/s."""
@@ -60,16 +65,8 @@ class StandardForm:
 
 
 @dataclass(frozen=True)
-class SeriesForm:
+class SeriesForm(_TimeForm):
     """K, Ti, Td of the series form (K', Ti', Td' where both forms stand side by side), with the ranges of `StandardForm`."""
-
-    K: float
-    Ti: float = math.inf
-    Td: float = 0.0
-    Tf: float = 0.0
-
-    def __post_init__(self):
-        _raise(_time_faults(self) + _filter_faults(self))
 
     def frequency_response(self, omega) -> np.ndarray:
         """(n,) complex C at omega in rad/s."""
@@ -126,7 +123,7 @@ def to_series(form: Form) -> SeriesForm:
     return SeriesForm(K * (1.0 - lead / Ti), Ti - lead, lead, Tf)
 
 
-def _time_faults(form: StandardForm | SeriesForm) -> list[str]:
+def _time_faults(form: _TimeForm) -> list[str]:
     faults = [] if _finite(form, "K") and form.K != 0.0 else [f"K = {form.K!r} must be a finite number other than 0."]
     if not (isinstance(form.Ti, Real) and form.Ti > 0.0):
         faults.append(f"Ti = {form.Ti!r} must be above 0 s; math.inf leaves the integral out.")

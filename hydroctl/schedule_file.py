@@ -26,6 +26,11 @@ _MEASURED = {"velocity": "the speed v in m/s", "position": "the position y in m"
 _ON = {"error": "backward Euler, on the error", "measurement": "backward Euler, on the measurement"}
 
 
+def law_text(loop: str) -> str:
+    """The regulator law in words and formulas, for the loop "velocity" or "position"."""
+    return _LAW.format(measured=_MEASURED[loop])
+
+
 def document_of(schedule, failed_checks: tuple[str, ...] = ()) -> schedule_document.Document:
     """The document that describes a `GainSchedule` in full; `failed_checks`: those that an export passed over."""
     d, units = schedule_document, schedule_document.GAIN_UNITS[schedule.loop]
@@ -130,7 +135,7 @@ def _controller(schedule) -> schedule_document.Controller:
     d = schedule_document
     return d.Controller(
         form="parallel",
-        law=_LAW.format(measured=_MEASURED[schedule.loop]),
+        law=law_text(schedule.loop),
         sample_time=d.Time(value=schedule.Ts, unit="s"),
         delay_samples=float(schedule.delay_samples),
         integral="forward Euler, stored in units of x",

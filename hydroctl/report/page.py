@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..files import write_file
 from ..margins import MARGIN_UNITS
 from ..schedule import GainSchedule
-from ..schedule_file import document_of
+from ..schedule_file import law_text
 from ..validation import Standing, ValidationReport, validate
 from ..verdicts import margin_verdicts
 from .explorer import explorer_data
@@ -87,7 +87,7 @@ def page(
         comparison=comparison or {},
         specification=_specification(schedule),
         parameters=_parameters(schedule),
-        law=document_of(schedule).controller.law,
+        law=law_text(schedule.loop),
         data={
             "explorer": explorer_data({"scheduled": schedule} | beside),
             "map": map_data(schedule),

@@ -2,7 +2,17 @@
 
 from .campaigns import CampaignResult, campaign, replay
 from .cluster import connected
-from .comparison import Comparison, Standing, against_rivals, compare, compare_reports, proportional_rivals, rivals, standings
+from .comparison import (
+    Comparison,
+    Standing,
+    against_rivals,
+    compare,
+    compare_reports,
+    fixed_rival,
+    proportional_rivals,
+    rivals,
+    standings,
+)
 from .metrics import Metrics, measure
 from .report import Run, ValidationReport, validate
 from .scale import Scale, scale_of
@@ -26,6 +36,7 @@ __all__ = [
     "connected",
     "contact_scenarios",
     "default_requirements",
+    "fixed_rival",
     "library",
     "measure",
     "proportional_rivals",

@@ -53,7 +53,7 @@ def rivals(schedule: GainSchedule) -> dict[str, GainSchedule]:
     All are tuned to the schedule's specification on all of its plants and design points. Raises InfeasibleError where one of them
     meets the limits nowhere.
     """
-    fixed = _fixed(schedule, schedule.structure)
+    fixed = fixed_rival(schedule, schedule.structure)
     return {
         **proportional_rivals(schedule),
         "fixed": replace(fixed, feed_forward=schedule.feed_forward),
@@ -63,11 +63,12 @@ def rivals(schedule: GainSchedule) -> dict[str, GainSchedule]:
 
 def proportional_rivals(schedule: GainSchedule) -> dict[str, GainSchedule]:
     """ "P", a bare proportional regulator to the specification of `schedule`, and "P + feed-forward". Raises InfeasibleError."""
-    proportional = _fixed(schedule, "p")
+    proportional = fixed_rival(schedule, "p")
     return {"P": replace(proportional, feed_forward=False), "P + feed-forward": replace(proportional, feed_forward=True)}
 
 
-def _fixed(schedule: GainSchedule, structure: str) -> GainSchedule:
+def fixed_rival(schedule: GainSchedule, structure: str) -> GainSchedule:
+    """One regulator of `structure` to the specification of `schedule`, at all of its design points. Raises InfeasibleError."""
     points = schedule.actuator, schedule.design_x, schedule.design_y
     return tune_fixed(*points, loop=schedule.loop, structure=structure, specification=schedule.specification)
 
