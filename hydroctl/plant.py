@@ -49,7 +49,8 @@ class Parameters(NamedTuple):
     flow_coefficient_b: float
     supply_pressure: float
     tank_pressure: float
-    mass: float
+    inverse_mass: float
+    """1/kg: a product costs less than a division"""
     viscous_friction: float
     coulomb_friction: float
     breakaway_friction: float
@@ -71,7 +72,7 @@ _ABSENT = {"stribeck_speed": 1.0, "valve_natural_frequency": 0.0, "valve_damping
 def parameters(actuator: Actuator) -> Parameters:
     """The plant's parameters of `actuator`."""
     given = {name: _ABSENT[name] if value is None else value for name, value in actuator.parameters().items()}
-    given["flow_coefficient_a"] = actuator.flow_coefficient
+    given |= {"flow_coefficient_a": actuator.flow_coefficient, "inverse_mass": 1.0 / actuator.mass}
     return Parameters(*(given[name] for name in Parameters._fields))
 
 
@@ -106,8 +107,10 @@ def pressure_gains(p_a, p_b, x, p: Parameters):
 
 
 def stiffnesses(y, p: Parameters):
-    """(Ec/V_a, Ec/V_b) in Pa/m^3 at position y."""
-    return p.bulk_modulus / (p.volume_a + p.area_a * y), p.bulk_modulus / (p.volume_b - p.area_b * y)
+    """(Ec/V_a, Ec/V_b) in Pa/m^3 at position y; by one division, because divisions and roots bound the speed of a simulation."""
+    volume_a, volume_b = p.volume_a + p.area_a * y, p.volume_b - p.area_b * y
+    both = p.bulk_modulus / (volume_a * volume_b)
+    return both * volume_b, both * volume_a
 
 
 def friction_force(v, p: Parameters):
@@ -181,7 +184,7 @@ def rates(p_a, p_b, v, y, x, load_force, p: Parameters):
     return (
         stiff_a * (gain_a * x - p.area_a * v - leak),
         stiff_b * (gain_b * x + p.area_b * v + leak),
-        (p.area_a * p_a - p.area_b * p_b - friction_force(v, p) + end_stop_force(y, v, p) - load_force) / p.mass,
+        (p.area_a * p_a - p.area_b * p_b - friction_force(v, p) + end_stop_force(y, v, p) - load_force) * p.inverse_mass,
     )
 
 
@@ -202,9 +205,9 @@ def jacobian(p_a, p_b, v, y, x, p: Parameters):
     a[1, 0] = stiff_b * p.leakage
     np.multiply(-stiff_b, drop_b + p.leakage, out=a[1, 1, ...])
     a[1, 2] = stiff_b * p.area_b
-    a[2, 0] = p.area_a / p.mass
-    a[2, 1] = -p.area_b / p.mass
-    a[2, 2] = -slope / p.mass
+    a[2, 0] = p.area_a * p.inverse_mass
+    a[2, 1] = -p.area_b * p.inverse_mass
+    a[2, 2] = -slope * p.inverse_mass
     b = np.zeros((3, 1, *shape))
     np.multiply(stiff_a, gain_a, out=b[0, 0, ...])
     np.multiply(stiff_b, gain_b, out=b[1, 0, ...])

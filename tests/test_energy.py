@@ -60,7 +60,7 @@ def test_energy_balance_closes_to_1e_6_of_the_throughput(actuator, x):
     end = solve_ivp(rates, (0, duration), start, method="LSODA", rtol=1e-9, atol=1e-7).y[:, -1]
     work = dict(zip(names, end[4:], strict=False))
     compression, throughput = end[4 + len(names) :]
-    kinetic = p.mass * end[2] ** 2 / 2
+    kinetic = actuator.mass * end[2] ** 2 / 2
     spent = sum(value for name, value in work.items() if name != "supply")
     assert abs(work["supply"] - spent - compression - kinetic) <= 1e-6 * throughput
     if p.end_stop_stiffness:
@@ -81,6 +81,6 @@ def test_energy_balance_of_simulate_closes_to_1e_6_of_the_throughput(actuator, x
     rates = plant.rates(*z, plant.effective_opening(x, p), actuator.load_force, p)
     powers = _powers(actuator, z, x)
     work = {name: simpson(power, x=t) for name, power in powers.items()}
-    stored = simpson(_compression(actuator, rates, z), x=t) + p.mass * (motion.v[-1] ** 2 - motion.v[0] ** 2) / 2
+    stored = simpson(_compression(actuator, rates, z), x=t) + actuator.mass * (motion.v[-1] ** 2 - motion.v[0] ** 2) / 2
     spent = sum(value for name, value in work.items() if name != "supply")
     assert abs(work["supply"] - spent - stored) <= 1e-6 * simpson(np.abs(powers["supply"]), x=t)

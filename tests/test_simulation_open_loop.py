@@ -138,11 +138,11 @@ def test_energy_balance_closes():
     leak = p.leakage * (r.p_a - r.p_b) ** 2
     stiff_a, stiff_b = plant.stiffnesses(r.y, p)
     dp_a, dp_b, dv = plant.rates(r.p_a, r.p_b, r.v, r.y, x, load, p)
-    stored = r.p_a * dp_a / stiff_a + r.p_b * dp_b / stiff_b + p.mass * r.v * dv
+    stored = r.p_a * dp_a / stiff_a + r.p_b * dp_b / stiff_b + actuator.mass * r.v * dv
     out = load * r.v + p.viscous_friction * r.v**2
     assert np.abs(ports - leak - stored - out).max() <= 1e-12 * np.abs(ports).max()
     moving = t <= 0.3 - 1e-9
-    kinetic = 0.5 * p.mass * r.v[moving][-1] ** 2
+    kinetic = 0.5 * actuator.mass * r.v[moving][-1] ** 2
     work = np.trapezoid((p.area_a * r.p_a - p.area_b * r.p_b - load - p.viscous_friction * r.v)[moving] * r.v[moving], t[moving])
     assert kinetic == pytest.approx(work, abs=1e-6 * np.trapezoid(np.abs(ports), t))
 

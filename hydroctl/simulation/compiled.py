@@ -99,7 +99,7 @@ class Motion:
 
     def __init__(self, build: str, **replaced):
         self.build = build
-        self.plant = compiled(_plant, build, **replaced)
+        self.plant = compiled(_plant, build, signed_root=scalar.signed_root, **replaced)
         self.motion = compiled(_motion, build, plant=self.plant, **replaced)
         field = functions(self.motion)
         self.butcher = compiled(_butcher, build, **field)

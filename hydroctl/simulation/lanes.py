@@ -38,13 +38,17 @@ SUMS = (
 )
 """What is added up per case; the first nine concern the last step of the reference."""
 P_A, P_B, V, Y, SPOOL, SPOOL_RATE = (LANES * row for row in range(6))
-BULK, MASS, SUPPLY, VISCOUS, LOAD = (LANES * row for row in range(6, 11))
+BULK, INVERSE_MASS, SUPPLY, VISCOUS, LOAD = (LANES * row for row in range(6, 11))
 INTEGRAL, DERIVATIVE, LAST, NOTCH_1, NOTCH_2, X, SECTION_1, SECTION_2, FILTERED, RUNNING = (LANES * row for row in range(11, 21))
-KP, KI, KD, WN, TOLD, I_X, I_Y = (LANES * row for row in range(21, 28))
-SEEN_A, SEEN_B, SEEN_V, SEEN_Y = (LANES * row for row in range(28, 32))
-OLD = LANES * 32
-"""six rows: the state before a substep"""
-FIRST_SUM = 38
+KP, KI, KD, WN, TOLD = (LANES * row for row in range(21, 26))
+SEEN_A, SEEN_B, SEEN_V, SEEN_Y = (LANES * row for row in range(26, 30))
+X_IN, Y_IN, LEFT, X_FROM, X_TO, X_SLOPE, Y_FROM, Y_TO, Y_SLOPE = (LANES * row for row in range(30, 39))
+"""the table's cell of each lane: where in it, whether it was left, its bounds, 1/(its widths)"""
+CORNERS = LANES * 39
+"""sixteen rows: four corners of each gain"""
+NEW, K1, K2, K3, K4, K5, K6, K7 = (LANES * row for row in range(55, 103, 6))
+"""six rows each: the state after a substep, and the slopes in it"""
+FIRST_SUM = 103
 ROWS = FIRST_SUM + len(SUMS)
 (START, PER_STEP, RISE_10, RISE_90, OUTSIDE, MOST, LATE_LEAST, LATE_MOST, LATE_SUM) = (
     LANES * row for row in range(FIRST_SUM, FIRST_SUM + 9)
@@ -67,7 +71,7 @@ def _varied(w, i, p):
         p.flow_coefficient_b,
         w[SUPPLY + i],
         p.tank_pressure,
-        w[MASS + i],
+        w[INVERSE_MASS + i],
         w[VISCOUS + i],
         p.coulomb_friction,
         p.breakaway_friction,
@@ -83,37 +87,57 @@ def _varied(w, i, p):
     )
 
 
-def _walk(nodes, value, index):
-    """`law.interval`, found from a guess."""
-    while index + 1 < nodes.size and value >= nodes[index + 1]:
-        index += 1
-    while index > 0 and value < nodes[index]:
-        index -= 1
-    return index
-
-
 def _see(w, k, sensors):
+    """The first of the four rows in which the regulator reads the plant: the plant's own where there are no sensors."""
+    if sensors is None:
+        return P_A
     for i in range(LANES):
         values = (w[P_A + i], w[P_B + i], w[V + i], w[Y + i])
         w[SEEN_A + i], w[SEEN_B + i], w[SEEN_V + i], w[SEEN_Y + i] = sensing.seen(values, k, sensors)
+    return SEEN_A
 
 
-def _look_up(w, regulator):
-    """Gains of every lane. Gathering from a table is no vector code; the search starts from the last sample's cell."""
+def _look_up(w, seen, regulator):
+    """Gains of every lane, from the corners of its cell of the table. Only a lane that left its cell reads the table."""
+    left = 0
     for i in range(LANES):
-        x, y = law.clipped_opening(w[X + i], regulator), law.clipped_position(w[SEEN_Y + i], regulator)
-        row, column = _walk(regulator.x, x, int(w[I_X + i])), _walk(regulator.y, y, int(w[I_Y + i]))
-        w[I_X + i], w[I_Y + i] = float(row), float(column)
-        fraction_x = (x - regulator.x[row]) * regulator.x_slope[row]
-        fraction_y = (y - regulator.y[column]) * regulator.y_slope[column]
-        w[KP + i] = law.interpolate(regulator.table, row, column, fraction_x, fraction_y, 0)
-        w[KI + i] = law.interpolate(regulator.table, row, column, fraction_x, fraction_y, 1)
-        w[KD + i] = law.interpolate(regulator.table, row, column, fraction_x, fraction_y, 2)
+        x, y = law.clipped_opening(w[X + i], regulator), law.clipped_position(w[seen + 3 * LANES + i], regulator)
+        inside = (w[X_FROM + i] <= x) & (x < w[X_TO + i]) & (w[Y_FROM + i] <= y) & (y < w[Y_TO + i])
+        w[X_IN + i], w[Y_IN + i], w[LEFT + i] = x, y, 0.0 if inside else 1.0
+        left += 0 if inside else 1
+    if left > 0:
+        for i in range(LANES):
+            if w[LEFT + i] > 0.0:
+                _enter(w, i, regulator)
+    for i in range(LANES):
+        fractions = (w[X_IN + i] - w[X_FROM + i]) * w[X_SLOPE + i], (w[Y_IN + i] - w[Y_FROM + i]) * w[Y_SLOPE + i]
+        w[KP + i] = _between(w, i, 0, fractions)
+        w[KI + i] = _between(w, i, 1, fractions)
+        w[KD + i] = _between(w, i, 2, fractions)
         if regulator.shaped:
-            w[WN + i] = law.interpolate(regulator.table, row, column, fraction_x, fraction_y, 3)
+            w[WN + i] = _between(w, i, 3, fractions)
 
 
-def _regulate(w, reference, forward, regulator):
+def _enter(w, i, regulator):
+    """Take the bounds and corners of the cell in which lane i is."""
+    row, column = law.interval(regulator.x, w[X_IN + i]), law.interval(regulator.y, w[Y_IN + i])
+    w[X_FROM + i], w[X_TO + i], w[X_SLOPE + i] = _bounds(regulator.x, regulator.x_slope, row)
+    w[Y_FROM + i], w[Y_TO + i], w[Y_SLOPE + i] = _bounds(regulator.y, regulator.y_slope, column)
+    for gain in range(4):
+        at = CORNERS + 4 * LANES * gain + i
+        w[at], w[at + LANES], w[at + 2 * LANES], w[at + 3 * LANES] = law.corners(regulator.table, row, column, gain)
+
+
+def _bounds(nodes, slopes, index):
+    return nodes[index], nodes[index + 1] if index + 1 < nodes.size else inf, slopes[index]
+
+
+def _between(w, i, gain, fractions):
+    at = CORNERS + 4 * LANES * gain + i
+    return law.bilinear((w[at], w[at + LANES], w[at + 2 * LANES], w[at + 3 * LANES]), fractions[0], fractions[1])
+
+
+def _regulate(w, seen, reference, forward, regulator):
     for i in range(LANES):
         gains = (w[KP + i], w[KI + i], w[KD + i], w[WN + i])
         memory = law.Memory(
@@ -128,8 +152,8 @@ def _regulate(w, reference, forward, regulator):
             w[FILTERED + i],
             w[RUNNING + i],
         )
-        seen = (w[SEEN_A + i], w[SEEN_B + i], w[SEEN_V + i], w[SEEN_Y + i])
-        new = law.regulate(reference, forward, seen, gains, memory, regulator)
+        measured = (w[seen + i], w[seen + LANES + i], w[seen + 2 * LANES + i], w[seen + 3 * LANES + i])
+        new = law.regulate(reference, forward, measured, gains, memory, regulator)
         w[VARIATION + i] += abs(new.x - w[X + i])
         w[INTEGRAL + i], w[DERIVATIVE + i], w[LAST + i], w[NOTCH_1 + i], w[NOTCH_2 + i] = new[:5]
         w[X + i], w[SECTION_1 + i], w[SECTION_2 + i], w[FILTERED + i], w[RUNNING + i] = new[5:]
@@ -176,9 +200,9 @@ def run(cases, initial, reference, v_ref, load, first, late, steady, sensors, re
         _load_block(w, cases, initial, block)
         queue[:] = 0.0
         for k in range(reference.size):
-            _see(w, k, sensors)
-            _look_up(w, regulator)
-            _regulate(w, reference[k], law.feed_forward(v_ref[k], regulator), regulator)
+            seen = _see(w, k, sensors)
+            _look_up(w, seen, regulator)
+            _regulate(w, seen, reference[k], law.feed_forward(v_ref[k], regulator), regulator)
             _measure(w, k, first, late, measured, reference[k], reference[-1], p, regulator.Ts)
             if k >= steady:
                 for i in range(LANES):
@@ -203,6 +227,7 @@ def _load_block(w, cases, initial, block):
         for i in range(LANES):
             w[BULK + row * LANES + i] = cases[row, block * LANES + i]
     for i in range(LANES):
+        w[INVERSE_MASS + i] = 1.0 / w[INVERSE_MASS + i]
         w[RISE_10 + i], w[RISE_90 + i], w[LATE_LEAST + i], w[LOWEST + i], w[LEAST_Y + i] = inf, inf, inf, inf, inf
         w[LATE_MOST + i], w[PEAK + i], w[MOST_Y + i] = -inf, -inf, -inf
 
@@ -214,13 +239,47 @@ def _advance(w, queue, told, load, p, substeps, h):
     for i in range(LANES):
         w[SPOOL + i] = motion.told(_state(w, P_A + i), w[TOLD + i], p)[4]
     for _ in range(substeps):
+        _step(w, load, p, h)
         for i in range(LANES):
-            z = _state(w, P_A + i)
-            _put(w, OLD + i, z)
-            _put(w, P_A + i, butcher.step(z, w[TOLD + i], load + w[LOAD + i], _varied(w, i, p), h))
-        for i in range(LANES):
-            z, new, own = _state(w, OLD + i), _state(w, P_A + i), _varied(w, i, p)
+            z, new, own = _state(w, P_A + i), _state(w, NEW + i), _varied(w, i, p)
             _put(w, P_A + i, careful.mended(z, new, w[TOLD + i], load + w[LOAD + i], own, h))
+
+
+def _step(w, load, p, h):
+    """`butcher.step` of every lane, each stage of all before the next: so the processor need not wait for one to end."""
+    for i in range(LANES):
+        _take_slope(w, K1, i, _state(w, P_A + i), load, p)
+    for i in range(LANES):
+        _take_slope(w, K2, i, butcher.second(_state(w, P_A + i), h, _slopes(w, i)), load, p)
+    for i in range(LANES):
+        _take_slope(w, K3, i, butcher.third(_state(w, P_A + i), h, _slopes(w, i)), load, p)
+    for i in range(LANES):
+        _take_slope(w, K4, i, butcher.fourth(_state(w, P_A + i), h, _slopes(w, i)), load, p)
+    for i in range(LANES):
+        _take_slope(w, K5, i, butcher.fifth(_state(w, P_A + i), h, _slopes(w, i)), load, p)
+    for i in range(LANES):
+        _take_slope(w, K6, i, butcher.sixth(_state(w, P_A + i), h, _slopes(w, i)), load, p)
+    for i in range(LANES):
+        _take_slope(w, K7, i, butcher.seventh(_state(w, P_A + i), h, _slopes(w, i)), load, p)
+    for i in range(LANES):
+        _put(w, NEW + i, butcher.end(_state(w, P_A + i), h, _slopes(w, i)))
+
+
+def _take_slope(w, k, i, z, load, p):
+    """Put the slope of lane i at z into the rows k."""
+    _put(w, k + i, motion.slope(z, w[TOLD + i], load + w[LOAD + i], _varied(w, i, p)))
+
+
+def _slopes(w, i):
+    return (
+        _state(w, K1 + i),
+        _state(w, K2 + i),
+        _state(w, K3 + i),
+        _state(w, K4 + i),
+        _state(w, K5 + i),
+        _state(w, K6 + i),
+        _state(w, K7 + i),
+    )
 
 
 def _state(w, i):

@@ -148,12 +148,20 @@ def interval(nodes, value):
     return index
 
 
-def interpolate(table, i, j, fraction_x, fraction_y, column):
-    """Bilinear value in the cell that starts at node (i, j); at the last node of an axis its fraction is 0."""
+def corners(table, i, j, column):
+    """The values at the corners of the cell that starts at node (i, j): (i, j), (i, j + 1), (i + 1, j), (i + 1, j + 1).
+
+    Beyond the last node of an axis stand its own values once more; the fraction is 0 there.
+    """
     ii = np.where(i + 1 < table.shape[0], i + 1, i)
     jj = np.where(j + 1 < table.shape[1], j + 1, j)
-    low = table[i, j, column] + fraction_y * (table[i, jj, column] - table[i, j, column])
-    high = table[ii, j, column] + fraction_y * (table[ii, jj, column] - table[ii, j, column])
+    return table[i, j, column], table[i, jj, column], table[ii, j, column], table[ii, jj, column]
+
+
+def bilinear(values, fraction_x, fraction_y):
+    """The value between the four of `corners`."""
+    low = values[0] + fraction_y * (values[1] - values[0])
+    high = values[2] + fraction_y * (values[3] - values[2])
     return low + fraction_x * (high - low)
 
 
@@ -165,10 +173,10 @@ def gains_at(x, y, regulator):
     fraction_y = (y_c - regulator.y[j]) * regulator.y_slope[j]
     table = regulator.table
     return (
-        interpolate(table, i, j, fraction_x, fraction_y, 0),
-        interpolate(table, i, j, fraction_x, fraction_y, 1),
-        interpolate(table, i, j, fraction_x, fraction_y, 2),
-        interpolate(table, i, j, fraction_x, fraction_y, 3),
+        bilinear(corners(table, i, j, 0), fraction_x, fraction_y),
+        bilinear(corners(table, i, j, 1), fraction_x, fraction_y),
+        bilinear(corners(table, i, j, 2), fraction_x, fraction_y),
+        bilinear(corners(table, i, j, 3), fraction_x, fraction_y),
     )
 
 

@@ -60,3 +60,9 @@ def tan(angle):
     p, q = 3.0 * p - s * q, p
     p, q = p - s * q, half * p
     return 2.0 * p * q / (p * p - q * q)
+
+
+@njit(error_model="numpy", forceinline=True)
+def signed_root(dp):
+    """`plant.signed_root` for real numbers, to the last bit, without its products."""
+    return copysign(sqrt(abs(dp)), dp)
