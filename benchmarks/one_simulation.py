@@ -13,7 +13,7 @@ import hydroctl as hc
 from .measure import Contender, Row, compare
 from .peers import casadi_slope, slope_function
 
-_RTOL = 3e-6
+_RTOL = 5e-6
 _TIMES = 20
 
 

@@ -182,8 +182,8 @@ def rates(p_a, p_b, v, y, x, load_force, p: Parameters):
     stiff_a, stiff_b = stiffnesses(y, p)
     leak = p.leakage * (p_a - p_b)
     return (
-        stiff_a * (gain_a * x - p.area_a * v - leak),
-        stiff_b * (gain_b * x + p.area_b * v + leak),
+        stiff_a * (gain_a * x - (p.area_a * v + leak)),
+        stiff_b * (gain_b * x + (p.area_b * v + leak)),
         (p.area_a * p_a - p.area_b * p_b - friction_force(v, p) + end_stop_force(y, v, p) - load_force) * p.inverse_mass,
     )
 

@@ -1,6 +1,6 @@
 """Step-length control and output of an embedded method, compiled around `dormand_prince`, or around `rodas` for stiff machines.
 
-A method has `begin`, `attempt` and `EXPONENT`. `attempt` returns (new state, error estimate, slope there, (r, s, q)) with
+A method has `begin`, `attempt` and `growth`. `attempt` returns (new state, error estimate, slope there, (r, s, q)) with
 the dense output z + theta ((new - z) + (1 - theta) (r + theta (s + (1 - theta) q))) at the fraction theta of the step.
 """
 
@@ -25,16 +25,17 @@ def _ratio(z, new, error, scale):
 
 def _error_norm(z, new, error, scales):
     """Largest error over the size of its state; infinite where the step left the numbers."""
-    worst = max(_ratio(z[0], new[0], error[0], scales[0]), _ratio(z[1], new[1], error[1], scales[1]))
-    worst = max(worst, _ratio(z[2], new[2], error[2], scales[2]), _ratio(z[3], new[3], error[3], scales[3]))
-    worst = max(worst, _ratio(z[4], new[4], error[4], scales[4]), _ratio(z[5], new[5], error[5], scales[5]))
+    pressures = max(_ratio(z[0], new[0], error[0], scales[0]), _ratio(z[1], new[1], error[1], scales[1]))
+    piston = max(_ratio(z[2], new[2], error[2], scales[2]), _ratio(z[3], new[3], error[3], scales[3]))
+    spool = max(_ratio(z[4], new[4], error[4], scales[4]), _ratio(z[5], new[5], error[5], scales[5]))
+    worst = max(max(pressures, piston), spool)
     finite = error[0] + error[1] + error[2] + error[3] + error[4] + error[5]
     return worst if finite - finite == 0.0 else inf
 
 
 def _factor(size):
     """By how much the next step may be longer than one whose error was `size` tolerances."""
-    return min(_GROW, max(_SHRINK, _SAFETY * size**method.EXPONENT)) if size > 0.0 else _GROW
+    return min(_GROW, max(_SHRINK, _SAFETY * method.growth(size))) if size > 0.0 else _GROW
 
 
 def _small_sizes(p):

@@ -17,7 +17,6 @@ from threading import RLock
 from types import FunctionType, ModuleType
 
 import numba
-import numpy as np
 
 from .. import plant as _plant
 from ..actuator import Actuator
@@ -160,11 +159,11 @@ def loop_for_group(actuators: Sequence[Actuator], regulators: Sequence[Regulator
 def _motion_name(actuators: Sequence[Actuator]) -> str:
     p = [_plant.parameters(actuator) for actuator in actuators]
     effects = [(q.breakaway_friction, q.end_stop_stiffness, q.valve_natural_frequency, q.dead_band) for q in p]
-    return "full" if np.any(effects) else "plain"
+    return "full" if any(map(any, effects)) else "plain"
 
 
 def _law_name(regulators: Sequence[Regulator]) -> str:
     used = [(r.Tm, r.compensated, r.inverse_depth, *(zero != pole for zero, pole in r.sections)) for r in regulators]
-    if np.any(used):
+    if any(map(any, used)):
         return "full"
     return "notched" if any(r.zz != r.zp for r in regulators) else "plain"

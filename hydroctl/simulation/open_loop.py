@@ -51,19 +51,18 @@ def _checked(t, x, load_force, rtol) -> tuple[np.ndarray, np.ndarray, np.ndarray
             arrays.append(np.array(value, dtype=float))
         except (TypeError, ValueError):
             raise InputError(f"{name} is not a number or an array of numbers.") from None
-        if not np.isfinite(arrays[-1]).all():
+        if arrays[-1].size and not np.isfinite((arrays[-1].min(), arrays[-1].max())).all():
             faults.append(f"{name} holds a value that is not finite; remove it.")
-    t = arrays[0]
-    if t.ndim != 1 or t.size < 2 or not (np.diff(t) > 0.0).all():
+    t, x, load, _ = arrays
+    if t.ndim != 1 or t.size < 2 or not np.diff(t).min() > 0.0:
         faults.append(f"t of shape {t.shape} must be one row of at least two rising times.")
-    for name, array in zip(("x", "load_force"), arrays[1:3], strict=True):
+    for name, array in (("x", x), ("load_force", load)):
         if array.shape not in ((), t.shape):
             faults.append(f"{name} has shape {array.shape}; give one number or one for each of the {t.size} times.")
-    if (np.abs(arrays[1]) > 1.0).any():
-        faults.append(f"x reaches {np.abs(arrays[1]).max():g} in size; a valve opening lies in [-1, 1].")
+    if x.size and (x.max() > 1.0 or x.min() < -1.0):
+        faults.append(f"x reaches {np.abs(x).max():g} in size; a valve opening lies in [-1, 1].")
     if arrays[3].shape != () or not 1e-13 <= rtol <= 1e-2:
         faults.append(f"rtol = {rtol!r} is outside 1e-13 ... 1e-2.")
     if faults:
         raise InputError(faults)
-    x, load = (np.ascontiguousarray(np.broadcast_to(array, t.shape)) for array in arrays[1:3])
-    return t, x, load
+    return t, *(array if array.ndim else np.full(t.shape, array) for array in (x, load))

@@ -11,12 +11,13 @@ Jacobian J, by central differences, and the inverse of W are well conditioned.
 
 from __future__ import annotations
 
+from math import sqrt
+
 from numpy import array, empty, zeros
 from numpy.linalg import inv
 
 from .motion import sizes, slope
 
-EXPONENT = -0.25
 NAME = "Rodas4"
 CALLED = ("attempt", "_shifted_jacobian")
 _GAMMA = 0.25
@@ -47,6 +48,11 @@ _DENSE = array(
         (-0.6762803392801253, 6.087714651680015, 16.43084320892478, 24.76722511418386, -6.594389125716872),
     )
 )
+
+
+def growth(size):
+    """By how much a step can grow whose error was `size` tolerances."""
+    return 1.0 / sqrt(sqrt(size))
 
 
 def begin(z, x, load, p):
