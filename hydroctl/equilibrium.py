@@ -119,7 +119,7 @@ def _newton(circuit: _Circuit, load, w, q, friction):
     area_d, area_r, leakage = circuit.area_d, circuit.area_r, circuit.leakage
     per_flow_d, per_flow_r = 2.0 / circuit.valve_d, 2.0 / circuit.valve_r
     per_speed_d, per_speed_r = area_d * per_flow_d, area_r * per_flow_r
-    for _ in range(_NEWTON_STEPS):
+    for step in range(_NEWTON_STEPS):
         p_d, p_r, u_d, u_r = circuit.pressures(w, q)
         resistance, slope = friction(w)
         force = area_d * p_d - area_r * p_r - resistance - load
@@ -133,8 +133,8 @@ def _newton(circuit: _Circuit, load, w, q, friction):
         step_w = (leak_q * force - force_q * leak) / determinant
         step_q = (force_w * leak - leak_w * force) / determinant
         w, q = w + step_w, q + step_q
-        # convergence is quadratic: after steps this small the next would be below rounding
-        if np.all(np.abs(step_w) * area_d + np.abs(step_q) <= 1e-9 * (np.abs(area_d * w) + np.abs(q))):
+        # convergence is quadratic: after steps this small, which are never the first, the next would be below rounding
+        if step > 1 and (np.abs(step_w) * area_d + np.abs(step_q) <= 1e-9 * (np.abs(w) * area_d + np.abs(q))).all():
             break
     return w, q
 

@@ -121,9 +121,11 @@ def find_operating_points(actuator: Actuator, x, y, *, load_force=0.0) -> Operat
     opening = plant.effective_opening(x, p)
     p_a, p_b, v = equilibrium.solve(p, opening, load)
     residual = _residual(p, opening, p_a, p_b, v, load)
-    fault = np.broadcast_to(_faults(actuator, x, y, load, p_a, p_b, v, residual), shape)
-    x, y, load, p_a, p_b, v, residual = (np.broadcast_to(value, shape) for value in (x, y, load, p_a, p_b, v, residual))
-    points = OperatingPoints(actuator, x, y, load, p_a, p_b, v, residual, fault)
+    fault = _faults(actuator, x, y, load, p_a, p_b, v, residual)
+    found = np.array((p_a, p_b, v, residual))
+    found = found.reshape(4, *(1,) * (len(shape) - p_a.ndim), *p_a.shape)
+    x, y, load, fault = (np.broadcast_to(value, shape) for value in (x, y, load, fault))
+    points = OperatingPoints(actuator, x, y, load, *np.broadcast_to(found, (4, *shape)), fault)
     if shape == () and fault:
         raise OperatingPointError(points.reason[()])
     return points
@@ -149,16 +151,15 @@ def _residual(p: plant.Parameters, opening, p_a, p_b, v, load) -> np.ndarray:
     """Largest of the three equations' sums, each over its largest term."""
     gain_a, gain_b = plant.flow_gains(p_a, p_b, opening, p)
     leak = p.leakage * (p_a - p_b)
-    balances = (
-        (gain_a * opening, -p.area_a * v, -leak),
-        (gain_b * opening, p.area_b * v, leak),
-        (p.area_a * p_a - load, -p.area_b * p_b, -plant.friction_force(v, p)),
+    balances = np.array(
+        (
+            (gain_a * opening, -p.area_a * v, -leak),
+            (gain_b * opening, p.area_b * v, leak),
+            (p.area_a * p_a - load, -p.area_b * p_b, -plant.friction_force(v, p)),
+        )
     )
-    worst = 0.0
-    for one, two, three in balances:
-        largest = np.maximum(np.maximum(np.abs(one), np.abs(two)), np.abs(three))
-        worst = np.maximum(worst, np.abs(one + two + three) / np.where(largest == 0.0, 1.0, largest))
-    return worst
+    largest = np.abs(balances).max(axis=1)
+    return (np.abs(balances.sum(axis=1)) / np.where(largest == 0.0, 1.0, largest)).max(axis=0)
 
 
 def _faults(actuator: Actuator, x, y, load, p_a, p_b, v, residual) -> np.ndarray:

@@ -197,7 +197,7 @@ def jacobian(p_a, p_b, v, y, x, p: Parameters):
     drop_a, drop_b = pressure_gains(p_a, p_b, x, p)
     stiff_a, stiff_b = stiffnesses(y, p)
     slope = friction_slope(v, p)
-    shape = np.broadcast_shapes(*(np.shape(value) for value in (gain_a, gain_b, drop_a, drop_b, stiff_a, stiff_b, slope)))
+    shape = np.broadcast(gain_a, gain_b, drop_a, drop_b, stiff_a, stiff_b, slope).shape
     a = np.empty((3, 3, *shape))
     np.multiply(-stiff_a, drop_a + p.leakage, out=a[0, 0, ...])
     a[0, 1] = stiff_a * p.leakage

@@ -19,11 +19,11 @@ def cubic_roots(coefficients: np.ndarray, near: np.ndarray) -> np.ndarray:
     c2, c1, c0 = rows[..., 0], rows[..., 1], rows[..., 2]
     near = np.broadcast_to(np.asarray(near, dtype=float), c2.shape)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        root, settled = _newton(c2, c1, c0, near, _SEARCH_STEPS)
-        if not settled.all():
-            lost = ~settled
+        root, settled = _search(c2, c1, c0, near)
+        lost = ~settled | np.isnan(root)
+        if lost.any():
             c = c2[lost], c1[lost], c0[lost]
-            root[lost] = _newton(*c, _real_root(*c), _POLISH_STEPS)[0]
+            root[lost] = _polished(*c, _real_root(*c))
         roots, radicand = _with_quadratic(c2, c1, root)
     all_real = radicand >= 0.0
     if all_real.any():
@@ -31,34 +31,53 @@ def cubic_roots(coefficients: np.ndarray, near: np.ndarray) -> np.ndarray:
     return roots.reshape(coefficients.shape)
 
 
-def _newton(c2, c1, c0, root, steps):
+def _value_and_slope(c2, c1, c0, root):
+    value = root + c2
+    slope = (value + root) * root
+    value *= root
+    value += c1
+    slope += value
+    value *= root
+    value += c0
+    return value, slope
+
+
+def _search(c2, c1, c0, root):
     """(root, settled): Newton's method on the polynomial itself. What is not a number counts as settled."""
-    for _ in range(steps):
-        partial = root + c2
-        slope = (partial + root) * root
-        partial *= root
-        partial += c1
-        slope += partial
-        partial *= root
-        partial += c0
-        np.divide(partial, slope, out=partial, where=slope != 0.0)
-        root = root - partial
-        settled = ~(np.abs(partial) > 1e-9 * np.abs(root))  # convergence is quadratic: the next step would be below rounding
+    for _ in range(_SEARCH_STEPS):
+        step, slope = _value_and_slope(c2, c1, c0, root)
+        step /= slope
+        root = root - step
+        settled = ~(np.abs(step) > 1e-9 * np.abs(root))  # convergence is quadratic: the next step would be below rounding
         if settled.all():
             break
     return root, settled
+
+
+def _polished(c2, c1, c0, root):
+    """The root after a few steps of Newton's method, none where the slope vanishes: at a multiple root."""
+    for _ in range(_POLISH_STEPS):
+        value, slope = _value_and_slope(c2, c1, c0, root)
+        root = root - np.where(slope == 0.0, 0.0, value / slope)
+    return root
 
 
 def _with_quadratic(c2, c1, root):
     """(roots, radicand): `root` with the two roots of the quadratic that dividing it out leaves; complex where radicand < 0."""
     half = -0.5 * (c2 + root)
     radicand = half * half - (c1 - 2.0 * root * half)
+    spread = np.sqrt(np.abs(radicand))
+    apart = radicand >= 0.0
     roots = np.empty((3, *np.shape(root)), dtype=complex)
-    spread = np.sqrt(np.maximum(radicand, 0.0))
-    roots[0].real, roots[1].real, roots[2].real = root, half + spread, half - spread
-    roots[0].imag = 0.0
-    np.sqrt(np.maximum(-radicand, 0.0), out=roots[1].imag)
-    np.negative(roots[1].imag, out=roots[2].imag)
+    real, imaginary = roots.real, roots.imag
+    real[0], imaginary[0] = root, 0.0
+    if apart.any():
+        along = np.where(apart, spread, 0.0)
+        real[1], real[2] = half + along, half - along
+        spread = np.where(apart, 0.0, spread)
+    else:
+        real[1], real[2] = half, half
+    imaginary[1], imaginary[2] = spread, -spread
     return roots.transpose(*range(1, roots.ndim), 0), radicand
 
 
