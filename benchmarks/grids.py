@@ -5,36 +5,15 @@ The equations take floats, arrays or symbols, and the square root of whatever th
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from hydroctl import Actuator
+from .peers import Plant, compilable
 
 _POINT_STEPS, _ROOT_STEPS = 3, 2
 """of Newton's method: enough for 1e-14, from starts that neglect the leakage and the fast poles"""
 
 
-class Machine(NamedTuple):
-    """What the equations need of an actuator."""
-
-    area_a: float
-    area_b: float
-    volume_a: float
-    volume_b: float
-    bulk_modulus: float
-    leakage: float
-    flow_coefficient: float
-    supply_pressure: float
-    mass: float
-    viscous_friction: float
-
-
-def machine_of(actuator: Actuator) -> Machine:
-    """The machine of `actuator`."""
-    return Machine(*(getattr(actuator, name) for name in Machine._fields))
-
-
+@compilable
 def operating_point(m, x, sqrt):
     """(p_a, p_b, v, gain_a, gain_b, drop_a, drop_b) at the opening x: Newton's method on v and the leakage flow, without y; then
     the flow per opening and the flow lost per pressure at either edge."""
@@ -56,6 +35,7 @@ def operating_point(m, x, sqrt):
     return m.supply_pressure - u * u, w * w, v, gain_a, gain_b, 0.5 * c / u, 0.5 * c / w
 
 
+@compilable
 def linear_model(m, gain_a, gain_b, drop_a, drop_b, y):
     """(a11, a12, a13, a21, a22, a23, b1, b2, n1, n0, d2, d1, d0): the entries of A and B that vary over the grid, and the transfer
     function (n1 s + n0)/(s^3 + d2 s^2 + d1 s + d0) from x to v."""
@@ -71,6 +51,7 @@ def linear_model(m, gain_a, gain_b, drop_a, drop_b, y):
     return a11, a12, a13, a21, a22, a23, b1, b2, n1, n0, d2, d1, d0
 
 
+@compilable
 def slow_pole(n1, n0, d2, d1, d0):
     """The real root of the denominator by Newton's method from the zero."""
     root = -n0 / n1
@@ -79,6 +60,7 @@ def slow_pole(n1, n0, d2, d1, d0):
     return root
 
 
+@compilable
 def second_order(root, n0, d2, d1, d0):
     """(a1, a2, b): what is left of the denominator without `root`, and the numerator of the same gain."""
     a1 = d2 + root
@@ -86,6 +68,7 @@ def second_order(root, n0, d2, d1, d0):
     return a1, a2, a2 * n0 / d0
 
 
+@compilable
 def pair(a1, a2, sqrt):
     """(middle, real, imaginary): the roots of s^2 + a1 s + a2 are middle +- (real + 1j imaginary), without a branch."""
     radicand = 0.25 * a1 * a1 - a2
@@ -93,10 +76,10 @@ def pair(a1, a2, sqrt):
     return -0.5 * a1, sqrt(0.5 * (size + radicand)), sqrt(0.5 * (size - radicand))
 
 
-def grid_numpy(machine: Machine, x, y, *, batched_eigvals: bool):
+def grid_numpy(plant: Plant, x, y, *, batched_eigvals: bool):
     """(poles (nx, ny, 3), all the rest) over x (nx,) by y (ny,): operating points along x, the rest on the grid."""
-    point = operating_point(machine, x[:, None], np.sqrt)
-    model = linear_model(machine, *point[3:], y)
+    point = operating_point(plant, x[:, None], np.sqrt)
+    model = linear_model(plant, *point[3:], y)
     n1, n0, *denominator = model[8:]
     if batched_eigvals:
         poles = _by_eigvals(*denominator, -n0 / n1)

@@ -17,9 +17,9 @@ import hydroctl as hc
 from hydroctl import plant
 
 from .grid_peers import grid_casadi, grid_jax, grid_numba
-from .grids import grid_numpy, machine_of
+from .grids import grid_numpy
 from .measure import Contender, Row, compare
-from .peers import slope_function
+from .peers import plant_of, slope_function
 
 _GRIDS = ((21, 11), (101, 51))
 _CONTROL_POINTS = 20
@@ -35,7 +35,7 @@ def rows(*, smallest: bool) -> list[Row]:
 
 def _grid(nx: int, ny: int, repeats: int) -> list[Row]:
     actuator = hc.load_actuator("reference")
-    machine = machine_of(actuator)
+    parameters = plant_of(actuator)
     x, y = np.linspace(0.05, 1.0, nx), np.linspace(0.0, actuator.stroke, ny)
     expected = _exact_poles(actuator, x, y)
     some = np.unique(np.linspace(0, nx * ny - 1, min(_CONTROL_POINTS, nx * ny)).astype(int))
@@ -66,11 +66,11 @@ def _grid(nx: int, ny: int, repeats: int) -> list[Row]:
             partial(error, among=some),
             units=some.size / (nx * ny),
         ),
-        contender("CasADi map", partial(grid_casadi, machine, x, y), needs=("casadi",)),
-        contender("NumPy, batched eigvals", partial(grid_numpy, machine, x, y, batched_eigvals=True)),
-        contender("NumPy, closed-form poles", partial(grid_numpy, machine, x, y, batched_eigvals=False)),
-        contender("JAX vmap", partial(grid_jax, machine, x, y), needs=("jax",)),
-        contender("numba", partial(grid_numba, machine, x, y)),
+        contender("CasADi map", partial(grid_casadi, parameters, x, y), needs=("casadi",)),
+        contender("NumPy, batched eigvals", partial(grid_numpy, parameters, x, y, batched_eigvals=True)),
+        contender("NumPy, closed-form poles", partial(grid_numpy, parameters, x, y, batched_eigvals=False)),
+        contender("JAX vmap", partial(grid_jax, parameters, x, y), needs=("jax",)),
+        contender("numba", partial(grid_numba, parameters, x, y)),
         contender("hydroctl", by_hydroctl),
     ]
     return compare("J1", contenders, repeats)

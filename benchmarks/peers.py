@@ -4,50 +4,96 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
+from numba.extending import register_jitable
 
 from hydroctl import Actuator, load_actuator
 
+compilable = register_jitable(error_model="numpy", fastmath={"contract"})
+"""for functions that numba's compiled code may call too"""
+
+
+class Plant(NamedTuple):
+    """What the equations need of an actuator: floats, or arrays over scenarios."""
+
+    area_a: float
+    area_b: float
+    volume_a: float
+    volume_b: float
+    bulk_modulus: float
+    leakage: float
+    flow_coefficient: float
+    flow_coefficient_b: float
+    supply_pressure: float
+    tank_pressure: float
+    mass: float
+    viscous_friction: float
+    load_force: float
+
+
+def plant_of(actuator: Actuator) -> Plant:
+    """The plant of `actuator`."""
+    return Plant(*(getattr(actuator, name) for name in Plant._fields))
+
+
+@compilable
+def either(condition, yes, no):
+    """The choice for floats."""
+    return yes if condition else no
+
+
+@compilable
+def slopes(p, z, x, where, root):
+    """dz/dt, a tuple, of z = (p_a, p_b, v, y): floats, arrays or symbols, with the choice and the square root that fit them."""
+    p_a, p_b, v, y = z
+    dp_a = where(x >= 0, p.supply_pressure - p_a, p_a - p.tank_pressure)
+    dp_b = where(x >= 0, p_b - p.tank_pressure, p.supply_pressure - p_b)
+    q_a = p.flow_coefficient * x * where(dp_a < 0, -1.0, 1.0) * root(abs(dp_a)) - p.area_a * v - p.leakage * (p_a - p_b)
+    q_b = p.flow_coefficient_b * x * where(dp_b < 0, -1.0, 1.0) * root(abs(dp_b)) - p.area_b * v - p.leakage * (p_a - p_b)
+    return (
+        p.bulk_modulus / (p.volume_a + p.area_a * y) * q_a,
+        -p.bulk_modulus / (p.volume_b - p.area_b * y) * q_b,
+        (p.area_a * p_a - p.area_b * p_b - p.viscous_friction * v - p.load_force) / p.mass,
+        v,
+    )
+
+
+@compilable
+def runge_kutta_4(p, z, x, h, where, root):
+    """z after one step of h."""
+    k1 = slopes(p, z, x, where, root)
+    k2 = slopes(p, moved(z, 0.5 * h, k1), x, where, root)
+    k3 = slopes(p, moved(z, 0.5 * h, k2), x, where, root)
+    k4 = slopes(p, moved(z, h, k3), x, where, root)
+    return moved(moved(z, h / 6.0, k1), h / 3.0, moved(moved(k2, 1.0, k3), 0.5, k4))
+
+
+@compilable
+def moved(z, h, k):
+    """z + h k."""
+    return z[0] + h * k[0], z[1] + h * k[1], z[2] + h * k[2], z[3] + h * k[3]
+
 
 def slope_function(a: Actuator, load: float = 0.0):
-    """slope(z, x) -> list of dz/dt with z = (p_a, p_b, v, y), in scalar mathematics."""
+    """slope(z, x) -> list of dz/dt with z = (p_a, p_b, v, y), in the scalar mathematics of plain Python: for floats, not arrays."""
+    area_a, area_b, volume_a, volume_b, bulk, leakage, flow_a, flow_b, supply, tank, mass, viscous, _ = plant_of(a)
 
     def slope(z, x):
         p_a, p_b, v, y = z
-        dp_a, dp_b = (
-            (a.supply_pressure - p_a, p_b - a.tank_pressure) if x >= 0 else (p_a - a.tank_pressure, a.supply_pressure - p_b)
-        )
-        q_a = a.flow_coefficient * x * math.copysign(math.sqrt(abs(dp_a)), dp_a)
-        q_b = -a.flow_coefficient_b * x * math.copysign(math.sqrt(abs(dp_b)), dp_b)
-        leak = a.leakage * (p_a - p_b)
+        dp_a, dp_b = (supply - p_a, p_b - tank) if x >= 0 else (p_a - tank, supply - p_b)
+        q_a = flow_a * x * math.copysign(math.sqrt(abs(dp_a)), dp_a)
+        q_b = -flow_b * x * math.copysign(math.sqrt(abs(dp_b)), dp_b)
+        leak = leakage * (p_a - p_b)
         return [
-            a.bulk_modulus / (a.volume_a + a.area_a * y) * (q_a - a.area_a * v - leak),
-            a.bulk_modulus / (a.volume_b - a.area_b * y) * (q_b + a.area_b * v + leak),
-            (a.area_a * p_a - a.area_b * p_b - a.viscous_friction * v - load) / a.mass,
+            bulk / (volume_a + area_a * y) * (q_a - area_a * v - leak),
+            bulk / (volume_b - area_b * y) * (q_b + area_b * v + leak),
+            (area_a * p_a - area_b * p_b - viscous * v - load) / mass,
             v,
         ]
 
     return slope
-
-
-def casadi_slope(a: Actuator, z, x):
-    """The same as CasADi expressions."""
-    import casadi
-
-    def signed_root(dp):
-        return casadi.sign(dp) * casadi.sqrt(casadi.fabs(dp))
-
-    p_a, p_b, v, y = z[0], z[1], z[2], z[3]
-    dp_a = casadi.if_else(x >= 0, a.supply_pressure - p_a, p_a - a.tank_pressure)
-    dp_b = casadi.if_else(x >= 0, p_b - a.tank_pressure, a.supply_pressure - p_b)
-    leak = a.leakage * (p_a - p_b)
-    return (
-        a.bulk_modulus / (a.volume_a + a.area_a * y) * (a.flow_coefficient * x * signed_root(dp_a) - a.area_a * v - leak),
-        a.bulk_modulus / (a.volume_b - a.area_b * y) * (-a.flow_coefficient_b * x * signed_root(dp_b) + a.area_b * v + leak),
-        (a.area_a * p_a - a.area_b * p_b - a.viscous_friction * v - a.load_force) / a.mass,
-        v,
-    )
 
 
 def scheduled_pid(Ts: float = 1e-3) -> SimpleNamespace:
