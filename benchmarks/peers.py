@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from types import SimpleNamespace
 from typing import NamedTuple
 
@@ -45,16 +46,42 @@ def either(condition, yes, no):
 
 
 @compilable
+def signed_root(dp):
+    """The signed root for floats."""
+    return math.copysign(math.sqrt(abs(dp)), dp)
+
+
+def numpy_root(dp):
+    """The signed root for arrays of NumPy."""
+    return np.copysign(np.sqrt(np.abs(dp)), dp)
+
+
+def jax_root(dp):
+    """The signed root for arrays of JAX."""
+    import jax.numpy as jnp
+
+    return jnp.sign(dp) * jnp.sqrt(jnp.abs(dp))
+
+
+def casadi_root(dp):
+    """The signed root for symbols of CasADi."""
+    import casadi
+
+    return casadi.sign(dp) * casadi.sqrt(casadi.fabs(dp))
+
+
+@compilable
 def slopes(p, z, x, where, root):
-    """dz/dt, a tuple, of z = (p_a, p_b, v, y): floats, arrays or symbols, with the choice and the square root that fit them."""
+    """dz/dt, a tuple, of z = (p_a, p_b, v, y): floats, arrays or symbols, with the choice and the signed root that fit them."""
     p_a, p_b, v, y = z
-    dp_a = where(x >= 0, p.supply_pressure - p_a, p_a - p.tank_pressure)
-    dp_b = where(x >= 0, p_b - p.tank_pressure, p.supply_pressure - p_b)
-    q_a = p.flow_coefficient * x * where(dp_a < 0, -1.0, 1.0) * root(abs(dp_a)) - p.area_a * v - p.leakage * (p_a - p_b)
-    q_b = p.flow_coefficient_b * x * where(dp_b < 0, -1.0, 1.0) * root(abs(dp_b)) - p.area_b * v - p.leakage * (p_a - p_b)
+    extend = x >= 0
+    dp_a = where(extend, p.supply_pressure - p_a, p_a - p.tank_pressure)
+    dp_b = where(extend, p_b - p.tank_pressure, p.supply_pressure - p_b)
+    leak = p.leakage * (p_a - p_b)
+    q_a, q_b = p.flow_coefficient * x * root(dp_a), p.flow_coefficient_b * x * root(dp_b)
     return (
-        p.bulk_modulus / (p.volume_a + p.area_a * y) * q_a,
-        -p.bulk_modulus / (p.volume_b - p.area_b * y) * q_b,
+        p.bulk_modulus / (p.volume_a + p.area_a * y) * (q_a - p.area_a * v - leak),
+        p.bulk_modulus / (p.volume_b - p.area_b * y) * (p.area_b * v + leak - q_b),
         (p.area_a * p_a - p.area_b * p_b - p.viscous_friction * v - p.load_force) / p.mass,
         v,
     )
@@ -127,22 +154,24 @@ class PlainPID:
 
     def __init__(self, schedule: SimpleNamespace):
         self.s = schedule
+        self.x_nodes, self.y_nodes = schedule.x.tolist(), schedule.y.tolist()
+        self.tables = [table.tolist() for table in (schedule.kp, schedule.ki, schedule.kd)]
+        self.below = sum(x < 0 for x in self.x_nodes)
         self.integral = self.derivative = self.error = self.x = 0.0
 
-    def _gain(self, table, y):
-        s, nodes = self.s, self.s.x
-        side = nodes[nodes < 0] if self.x < 0 else nodes[nodes > 0]
-        x, y = min(max(self.x, side[0]), side[-1]), min(max(y, s.y[0]), s.y[-1])
-        i = min(max(int(np.searchsorted(nodes, x, side="right")) - 1, 0), nodes.size - 2)
-        j = min(max(int(np.searchsorted(s.y, y, side="right")) - 1, 0), s.y.size - 2)
-        f, g = (x - nodes[i]) / (nodes[i + 1] - nodes[i]), (y - s.y[j]) / (s.y[j + 1] - s.y[j])
-        low = table[i, j] + g * (table[i, j + 1] - table[i, j])
-        return low + f * (table[i + 1, j] + g * (table[i + 1, j + 1] - table[i + 1, j]) - low)
+    def _gains(self, y):
+        first, last = (0, self.below - 1) if self.x < 0 else (self.below, len(self.x_nodes) - 1)
+        i, f = _place(self.x_nodes, self.x, first, last)
+        j, g = _place(self.y_nodes, y, 0, len(self.y_nodes) - 1)
+        for table in self.tables:
+            lower, upper = table[i], table[i + 1]
+            low, high = lower[j] + g * (lower[j + 1] - lower[j]), upper[j] + g * (upper[j + 1] - upper[j])
+            yield low + f * (high - low)
 
     def command(self, reference: float, v_ref: float, y: float) -> float:
         """x for this sample."""
         s, error = self.s, reference - y
-        kp, ki, kd = (self._gain(table, y) for table in (s.kp, s.ki, s.kd))
+        kp, ki, kd = self._gains(y)
         self.derivative = (s.Tf * self.derivative + error - self.error) / (s.Tf + s.Ts)
         wanted = kp * error + self.integral + kd * self.derivative
         if v_ref:
@@ -153,3 +182,10 @@ class PlainPID:
         self.x, self.error = min(max(wanted, -1.0), 1.0), error
         self.integral += s.Ts * (ki * error + (self.x - wanted) / s.Tt)
         return self.x
+
+
+def _place(nodes, value, first, last):
+    """(index, fraction): where `value`, clipped to the nodes first ... last, lies between nodes."""
+    value = min(max(value, nodes[first]), nodes[last])
+    index = min(bisect_right(nodes, value), last) - 1
+    return index, (value - nodes[index]) / (nodes[index + 1] - nodes[index])

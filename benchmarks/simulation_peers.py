@@ -9,7 +9,7 @@ import numba
 import numpy as np
 from scipy.integrate import odeint
 
-from .peers import Plant, either, runge_kutta_4, slopes
+from .peers import Plant, casadi_root, either, jax_root, runge_kutta_4, signed_root, slopes
 
 RTOL, ATOL = 1e-6, np.array([1.0, 1.0, 1e-8, 1e-8])
 _SCALE = np.array([1e7, 1e7, 0.1, 0.1])
@@ -35,7 +35,7 @@ def by_odeint(plant: Plant, levels, held: int):
 
     @numba.njit(error_model="numpy")
     def right_hand_side(z, t, x):
-        return np.array(slopes(plant, (z[0], z[1], z[2], z[3]), x, either, np.sqrt))
+        return np.array(slopes(plant, (z[0], z[1], z[2], z[3]), x, either, signed_root))
 
     def solve(times, state, level):
         return odeint(right_hand_side, state, times, args=(level,), rtol=RTOL, atol=ATOL).T
@@ -49,7 +49,7 @@ def by_sundials(plant: Plant, levels, held: int):
 
     @numba.njit(error_model="numpy")
     def fill(z, dz, x):
-        dz[0], dz[1], dz[2], dz[3] = slopes(plant, (z[0], z[1], z[2], z[3]), x, either, np.sqrt)
+        dz[0], dz[1], dz[2], dz[3] = slopes(plant, (z[0], z[1], z[2], z[3]), x, either, signed_root)
 
     def solve(times, state, level):
         return CVODE(lambda t, z, dz: fill(z, dz, level), rtol=RTOL, atol=ATOL).solve(times, state).y.T
@@ -62,7 +62,7 @@ def by_casadi(plant: Plant, levels, held: int):
     import casadi
 
     z, x = casadi.SX.sym("z", 4), casadi.SX.sym("x")
-    rates = casadi.vertcat(*slopes(plant, casadi.vertsplit(z * _SCALE), x, casadi.if_else, casadi.sqrt))
+    rates = casadi.vertcat(*slopes(plant, casadi.vertsplit(z * _SCALE), x, casadi.if_else, casadi_root))
     field = {"x": z, "p": x, "ode": rates / _SCALE}
     options = {"reltol": RTOL, "abstol": 1e-8}
     cvodes = casadi.integrator("cvodes", "cvodes", field, 0.0, 1e-3 * np.arange(held + 1), options)
@@ -76,7 +76,7 @@ def by_diffrax(plant: Plant, levels, held: int):
     import jax.numpy as jnp
 
     jax.config.update("jax_enable_x64", True)
-    term = diffrax.ODETerm(lambda t, z, x: jnp.stack(slopes(plant, z, x, jnp.where, jnp.sqrt)))
+    term = diffrax.ODETerm(lambda t, z, x: jnp.stack(slopes(plant, z, x, jnp.where, jax_root)))
     times = 1e-3 * np.arange(held + 1)
 
     def segment(z, x):
@@ -110,7 +110,7 @@ def by_runge_kutta(plant: Plant, levels, held: int):
         for k in range(times.size):
             out[0, k], out[1, k], out[2, k], out[3, k] = z
             for _ in range(_SUBSTEPS):
-                z = runge_kutta_4(plant, z, x, h, either, np.sqrt)
+                z = runge_kutta_4(plant, z, x, h, either, signed_root)
         return out
 
     return in_segments(run, levels, held)
