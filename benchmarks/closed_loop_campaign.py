@@ -58,7 +58,13 @@ def rows(*, smallest: bool) -> list[Row]:
         return error(replay(actuator, schedule, 1 << 32, substeps=substeps, **given)[2].y)
 
     contenders = [
-        Contender("python-control, discrete, one scenario", lambda: error(peers.by_control(schedule, scenario, start, slope))),
+        *(
+            Contender(
+                f"python-control, {sample.__name__}, one scenario",
+                lambda sample=sample: error(peers.by_control(schedule, scenario, start, slope, sample)),
+            )
+            for sample in (peers.arrays, peers.floats)
+        ),
         Contender("scipy RK45 per sample, one scenario", lambda: error(closed_loop(lambda z, x: exact(z, x, "RK45", 1e-6, 1e-6)))),
         *peers.contenders(_machines(actuator, schedule, count, given), schedule, scenario, error),
     ]

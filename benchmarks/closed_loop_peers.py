@@ -117,26 +117,43 @@ def advance(plant, z, x, Ts, where, root):
     return z
 
 
-def by_control(schedule: SimpleNamespace, scenario, start, slope):
-    """python-control: one discrete-time system that holds `PlainPID` and the plant; one case, with `slope(z, x)` of floats."""
+def by_control(schedule: SimpleNamespace, scenario: Scenario, start, slope, sample):
+    """python-control: one discrete-time system that holds `PlainPID` and the plant, with `slope(z, x)` of floats; one case."""
     import control
 
-    pid, h = PlainPID(schedule), schedule.Ts / _SUBSTEPS
+    pid = PlainPID(schedule)
 
     def update(t, state, inputs, params):
-        *z, x = state.tolist()
-        command = pid.command(*inputs.tolist(), z[3])
-        for _ in range(_SUBSTEPS):
-            k1 = slope(z, x)
-            k2 = slope(moved(z, 0.5 * h, k1), x)
-            k3 = slope(moved(z, 0.5 * h, k2), x)
-            k4 = slope(moved(z, h, k3), x)
-            z = moved(moved(z, h / 6.0, k1), h / 3.0, moved(moved(k2, 1.0, k3), 0.5, k4))
-        return [*z, command]
+        command = pid.command(*inputs.tolist(), float(state[3]))
+        return [*sample(slope, state, schedule.Ts / _SUBSTEPS), command]
 
     system = control.nlsys(update, lambda t, state, inputs, params: state[3:4], states=5, inputs=2, outputs=1, dt=schedule.Ts)
     signals = np.array([scenario.reference, scenario.v_ref])
     return control.input_output_response(system, scenario.t, signals, [*start, 0.0]).outputs.ravel()
+
+
+def arrays(slope, state, h):
+    """A sample of the plant as most users write it."""
+    z, x = state[:4], state[4]
+    for _ in range(_SUBSTEPS):
+        k1 = np.array(slope(z, x))
+        k2 = np.array(slope(z + 0.5 * h * k1, x))
+        k3 = np.array(slope(z + 0.5 * h * k2, x))
+        k4 = np.array(slope(z + h * k3, x))
+        z = z + h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
+    return z
+
+
+def floats(slope, state, h):
+    """The same with Python's own floats, which are faster than arrays of four."""
+    *z, x = state.tolist()
+    for _ in range(_SUBSTEPS):
+        k1 = slope(z, x)
+        k2 = slope(moved(z, 0.5 * h, k1), x)
+        k3 = slope(moved(z, 0.5 * h, k2), x)
+        k4 = slope(moved(z, h, k3), x)
+        z = moved(moved(z, h / 6.0, k1), h / 3.0, moved(moved(k2, 1.0, k3), 0.5, k4))
+    return z
 
 
 def gains_of_arrays(law, x, y, m):
