@@ -17,6 +17,7 @@ import hydroctl as hc
 from hydroctl.validation import campaign, replay
 from hydroctl.validation.cases import SPREAD
 
+from . import closed_loop_peers as peers
 from .measure import Contender, Row, compare
 from .peers import PlainPID, scheduled_pid, slope_function
 
@@ -45,7 +46,7 @@ def rows(*, smallest: bool) -> list[Row]:
         return np.array(y)
 
     def exact(z, x, method="DOP853", rtol=1e-12, atol=1e-12):
-        return solve_ivp(lambda _, z: slope(z, x), (0.0, 1e-3), z, method, rtol=rtol, atol=atol).y[:, -1]
+        return solve_ivp(lambda _, z: slope(z.tolist(), x), (0.0, 1e-3), z, method, rtol=rtol, atol=atol).y[:, -1]
 
     expected = closed_loop(exact)
 
@@ -57,8 +58,15 @@ def rows(*, smallest: bool) -> list[Row]:
         return error(replay(actuator, schedule, 1 << 32, substeps=substeps, **given)[2].y)
 
     contenders = [
-        Contender("python-control, discrete, one scenario", lambda: error(_by_control(schedule, scenario, start, slope))),
+        *(
+            Contender(
+                f"python-control, {sample.__name__}, one scenario",
+                lambda sample=sample: error(peers.by_control(schedule, scenario, start, slope, sample)),
+            )
+            for sample in (peers.arrays, peers.floats)
+        ),
         Contender("scipy RK45 per sample, one scenario", lambda: error(closed_loop(lambda z, x: exact(z, x, "RK45", 1e-6, 1e-6)))),
+        *peers.contenders(_machines(actuator, schedule, count, given), schedule, scenario, error),
     ]
     needed = int(trajectory.integrator.split()[2])
     threads = os.cpu_count()
@@ -77,6 +85,13 @@ def rows(*, smallest: bool) -> list[Row]:
     return compare("J3", contenders, 1 if smallest else 5)
 
 
+def _machines(actuator, schedule, count, given):
+    """Those of the campaign's cases."""
+    drawn = campaign(actuator, schedule, count=count, seed=1, **given).parameters
+    drawn["load_force"] = drawn["load_force"] + actuator.load_force
+    return [actuator.replace(**{name: float(row[k]) for name, row in drawn.items()}) for k in range(count)]
+
+
 class _InPlace:
     """An executor that runs each task when it is submitted: one thread."""
 
@@ -86,28 +101,6 @@ class _InPlace:
         future = Future()
         future.set_result(function(*args))
         return future
-
-
-def _by_control(schedule, scenario, start, slope):
-    """One discrete-time system that holds the regulator and two Runge-Kutta 4 steps of the plant."""
-    import control
-
-    pid, h = PlainPID(schedule), 0.5e-3
-
-    def update(t, state, inputs, params):
-        z, x = state[:4], state[4]
-        command = pid.command(inputs[0], inputs[1], z[3])
-        for _ in range(2):
-            k1 = np.array(slope(z, x))
-            k2 = np.array(slope(z + 0.5 * h * k1, x))
-            k3 = np.array(slope(z + 0.5 * h * k2, x))
-            k4 = np.array(slope(z + h * k3, x))
-            z = z + h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
-        return np.append(z, command)
-
-    system = control.nlsys(update, lambda t, state, inputs, params: state[3:4], states=5, inputs=2, outputs=1, dt=schedule.Ts)
-    signals = np.array([scenario.reference, scenario.v_ref])
-    return control.input_output_response(system, scenario.t, signals, [*start, 0.0]).outputs.ravel()
 
 
 def _bound(repeats: int) -> float:

@@ -1,51 +1,107 @@
-"""The work of J1 as a user of NumPy or numba writes it for this machine: x > 0, no load, no tank pressure, no dry friction."""
+"""The work of J1 as a user of array libraries writes it for this machine: x > 0, no load, no tank pressure, no dry friction.
+
+The equations take floats, arrays or symbols, and the square root of whatever they are: NumPy, numba, JAX and CasADi share them.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from hydroctl import Actuator
+from .peers import Plant, compilable
 
-_STEPS = 5
+_POINT_STEPS, _ROOT_STEPS = 3, 2
+"""of Newton's method: enough for 1e-14, from starts that neglect the leakage and the fast poles"""
 
 
-def grid_numpy(a: Actuator, x, y, roots):
-    """(poles, everything else) over x (nx,) by y (ny,): operating points along x, the rest on the grid."""
-    c, leakage, supply = a.flow_coefficient * x, a.leakage, a.supply_pressure
-    cubes = a.area_a**3 + a.area_b**3
-    drive = a.area_a * supply * c**2
-    v = 2.0 * drive / (a.viscous_friction * c**2 + np.sqrt((a.viscous_friction * c**2) ** 2 + 4.0 * cubes * drive))
-    q = np.zeros_like(v)
-    for _ in range(_STEPS):
-        u, w = (a.area_a * v + q) / c, (a.area_b * v + q) / c
-        p_a, p_b = supply - u * u, w * w
-        force, leak = a.area_a * p_a - a.area_b * p_b - a.viscous_friction * v, leakage * (p_a - p_b) - q
+@compilable
+def operating_point(m, x, sqrt):
+    """(p_a, p_b, v, gain_a, gain_b, drop_a, drop_b) at the opening x: Newton's method on v and the leakage flow, without y; then
+    the flow per opening and the flow lost per pressure at either edge."""
+    c = m.flow_coefficient * x
+    drive, viscous = m.area_a * m.supply_pressure * c * c, m.viscous_friction * c * c
+    v = 2.0 * drive / (viscous + sqrt(viscous * viscous + 4.0 * (m.area_a**3 + m.area_b**3) * drive))
+    q = 0.0
+    for _ in range(_POINT_STEPS):
+        u, w = (m.area_a * v + q) / c, (m.area_b * v + q) / c
+        p_a, p_b = m.supply_pressure - u * u, w * w
+        force, leak = m.area_a * p_a - m.area_b * p_b - m.viscous_friction * v, m.leakage * (p_a - p_b) - q
         du, dw = 2.0 * u / c, 2.0 * w / c
-        f_v, f_q = a.area_a**2 * du + a.area_b**2 * dw + a.viscous_friction, a.area_a * du + a.area_b * dw
-        l_v, l_q = leakage * f_q, leakage * (du + dw) + 1.0
+        f_v, f_q = m.area_a**2 * du + m.area_b**2 * dw + m.viscous_friction, m.area_a * du + m.area_b * dw
+        l_v, l_q = m.leakage * f_q, m.leakage * (du + dw) + 1.0
         determinant = f_v * l_q - f_q * l_v
         v, q = v + (l_q * force - f_q * leak) / determinant, q + (f_v * leak - l_v * force) / determinant
-    u, w = (a.area_a * v + q) / c, (a.area_b * v + q) / c
-    p_a, p_b = supply - u * u, w * w
-    stiff_a, stiff_b = a.bulk_modulus / (a.volume_a + a.area_a * y), a.bulk_modulus / (a.volume_b - a.area_b * y)
-    gain_a, gain_b = (a.flow_coefficient * np.sqrt(supply - p_a))[:, None], (-a.flow_coefficient * np.sqrt(p_b))[:, None]
-    drop_a, drop_b = ((c / (2.0 * np.sqrt(dp)))[:, None] for dp in (supply - p_a, p_b))
-    a11, a12, a13 = -stiff_a * (drop_a + leakage), stiff_a * leakage, -stiff_a * a.area_a
-    a21, a22, a23 = stiff_b * leakage, -stiff_b * (drop_b + leakage), stiff_b * a.area_b
-    a31, a32, a33 = a.area_a / a.mass, -a.area_b / a.mass, -a.viscous_friction / a.mass
+    u, w = (m.area_a * v + q) / c, (m.area_b * v + q) / c
+    gain_a, gain_b = m.flow_coefficient * u, -m.flow_coefficient * w
+    return m.supply_pressure - u * u, w * w, v, gain_a, gain_b, 0.5 * c / u, 0.5 * c / w
+
+
+@compilable
+def linear_model(m, gain_a, gain_b, drop_a, drop_b, y):
+    """(a11, a12, a13, a21, a22, a23, b1, b2, n1, n0, d2, d1, d0): the entries of A and B that vary over the grid, and the transfer
+    function (n1 s + n0)/(s^3 + d2 s^2 + d1 s + d0) from x to v."""
+    stiff_a, stiff_b = m.bulk_modulus / (m.volume_a + m.area_a * y), m.bulk_modulus / (m.volume_b - m.area_b * y)
+    a11, a12, a13 = -stiff_a * (drop_a + m.leakage), stiff_a * m.leakage, -stiff_a * m.area_a
+    a21, a22, a23 = stiff_b * m.leakage, -stiff_b * (drop_b + m.leakage), stiff_b * m.area_b
+    a31, a32, a33 = m.area_a / m.mass, -m.area_b / m.mass, -m.viscous_friction / m.mass
     b1, b2 = stiff_a * gain_a, stiff_b * gain_b
     n1, n0 = a31 * b1 + a32 * b2, a31 * (a12 * b2 - a22 * b1) + a32 * (a21 * b1 - a11 * b2)
     d2 = -(a11 + a22 + a33)
     d1 = a11 * a22 - a12 * a21 + a11 * a33 - a13 * a31 + a22 * a33 - a23 * a32
     d0 = -(a11 * (a22 * a33 - a23 * a32) - a12 * (a21 * a33 - a23 * a31) + a13 * (a21 * a32 - a22 * a31))
-    zero = -n0 / n1
-    poles = roots(d2, d1, d0, zero)
-    slow = poles[..., 0].real
-    a1, a2 = d2 + slow, d1 + slow * (d2 + slow)
-    return poles, (p_a, p_b, v, n1, n0, d2, d1, d0, zero, a1, a2, a2 * n0 / d0)
+    return a11, a12, a13, a21, a22, a23, b1, b2, n1, n0, d2, d1, d0
 
 
-def roots_by_eigvals(d2, d1, d0, near):
+@compilable
+def slow_pole(n1, n0, d2, d1, d0):
+    """The real root of the denominator by Newton's method from the zero."""
+    root = -n0 / n1
+    for _ in range(_ROOT_STEPS):
+        root = root - (((root + d2) * root + d1) * root + d0) / ((3.0 * root + 2.0 * d2) * root + d1)
+    return root
+
+
+@compilable
+def second_order(root, n0, d2, d1, d0):
+    """(a1, a2, b): what is left of the denominator without `root`, and the numerator of the same gain."""
+    a1 = d2 + root
+    a2 = d1 + root * a1
+    return a1, a2, a2 * n0 / d0
+
+
+@compilable
+def pair(a1, a2, sqrt):
+    """(middle, real, imaginary): the roots of s^2 + a1 s + a2 are middle +- (real + 1j imaginary), without a branch."""
+    radicand = 0.25 * a1 * a1 - a2
+    size = abs(radicand)
+    return -0.5 * a1, sqrt(0.5 * (size + radicand)), sqrt(0.5 * (size - radicand))
+
+
+def grid_numpy(plant: Plant, x, y, *, batched_eigvals: bool):
+    """(poles (nx, ny, 3), all the rest) over x (nx,) by y (ny,): operating points along x, the rest on the grid."""
+    point = operating_point(plant, x[:, None], np.sqrt)
+    model = linear_model(plant, *point[3:], y)
+    n1, n0, *denominator = model[8:]
+    if batched_eigvals:
+        poles = _by_eigvals(*denominator, -n0 / n1)
+        root = poles[..., 0].real
+        reduced = second_order(root, n0, *denominator)
+    else:
+        root = slow_pole(n1, n0, *denominator)
+        reduced = second_order(root, n0, *denominator)
+        poles = join_poles(root, *pair(*reduced[:2], np.sqrt))
+    return poles, (point, model, -n0 / n1, reduced)
+
+
+def join_poles(root, middle, real, imaginary):
+    """(..., 3) complex."""
+    poles = np.empty((*root.shape, 3), dtype=complex)
+    poles[..., 0] = root
+    poles.real[..., 1], poles.real[..., 2] = middle + real, middle - real
+    poles.imag[..., 1], poles.imag[..., 2] = imaginary, -imaginary
+    return poles
+
+
+def _by_eigvals(d2, d1, d0, near):
     """(..., 3) by NumPy's eigenvalues of companion matrices, the one nearest to `near` first."""
     companion = np.zeros((*d0.shape, 3, 3))
     companion[..., 1, 0] = companion[..., 2, 1] = 1.0
@@ -53,73 +109,3 @@ def roots_by_eigvals(d2, d1, d0, near):
     roots = np.linalg.eigvals(companion).astype(complex)
     order = np.argsort(np.abs(roots - near[..., None]), axis=-1)
     return np.take_along_axis(roots, order, axis=-1)
-
-
-def roots_in_closed_form(d2, d1, d0, near):
-    """(..., 3): Newton's method on the real root nearest to `near`, then the quadratic that is left."""
-    root = near
-    for _ in range(_STEPS):
-        root = root - (((root + d2) * root + d1) * root + d0) / ((3.0 * root + 2.0 * d2) * root + d1)
-    half = -0.5 * (d2 + root)
-    radicand = (half * half - (d1 - 2.0 * root * half)).astype(complex)
-    spread = np.sqrt(radicand)
-    return np.stack([root.astype(complex), half + spread, half - spread], axis=-1)
-
-
-_COMPILED = []
-
-
-def grid_numba(a: Actuator, x, y):
-    """The same, one point after the other, compiled; (poles, a1 and a2)."""
-    if not _COMPILED:
-        import numba
-
-        _COMPILED.append(numba.njit(_points, error_model="numpy"))
-    machine = (a.area_a, a.area_b, a.volume_a, a.volume_b, a.bulk_modulus, a.leakage)
-    machine += (a.flow_coefficient, a.supply_pressure, a.mass, a.viscous_friction)
-    return _COMPILED[0](machine, x, y)
-
-
-def _points(machine, x, y):
-    area_a, area_b, volume_a, volume_b, bulk, leakage, flow, supply, mass, viscous = machine
-    poles = np.empty((x.size, y.size, 3), dtype=np.complex128)
-    others = np.empty((11, x.size, y.size))
-    for i in range(x.size):
-        c = flow * x[i]
-        drive = area_a * supply * c**2
-        v = 2.0 * drive / (viscous * c**2 + np.sqrt((viscous * c**2) ** 2 + 4.0 * (area_a**3 + area_b**3) * drive))
-        q = 0.0
-        for _ in range(_STEPS):
-            u, w = (area_a * v + q) / c, (area_b * v + q) / c
-            p_a, p_b = supply - u * u, w * w
-            force, leak = area_a * p_a - area_b * p_b - viscous * v, leakage * (p_a - p_b) - q
-            du, dw = 2.0 * u / c, 2.0 * w / c
-            f_v, f_q = area_a**2 * du + area_b**2 * dw + viscous, area_a * du + area_b * dw
-            l_v, l_q = leakage * f_q, leakage * (du + dw) + 1.0
-            determinant = f_v * l_q - f_q * l_v
-            v, q = v + (l_q * force - f_q * leak) / determinant, q + (f_v * leak - l_v * force) / determinant
-        p_a, p_b = supply - ((area_a * v + q) / c) ** 2, ((area_b * v + q) / c) ** 2
-        gain_a, gain_b = flow * np.sqrt(supply - p_a), -flow * np.sqrt(p_b)
-        drop_a, drop_b = c / (2.0 * np.sqrt(supply - p_a)), c / (2.0 * np.sqrt(p_b))
-        a31, a32, a33 = area_a / mass, -area_b / mass, -viscous / mass
-        for j in range(y.size):
-            stiff_a, stiff_b = bulk / (volume_a + area_a * y[j]), bulk / (volume_b - area_b * y[j])
-            a11, a12, a13 = -stiff_a * (drop_a + leakage), stiff_a * leakage, -stiff_a * area_a
-            a21, a22, a23 = stiff_b * leakage, -stiff_b * (drop_b + leakage), stiff_b * area_b
-            b1, b2 = stiff_a * gain_a, stiff_b * gain_b
-            n1, n0 = a31 * b1 + a32 * b2, a31 * (a12 * b2 - a22 * b1) + a32 * (a21 * b1 - a11 * b2)
-            d2 = -(a11 + a22 + a33)
-            d1 = a11 * a22 - a12 * a21 + a11 * a33 - a13 * a31 + a22 * a33 - a23 * a32
-            d0 = -(a11 * (a22 * a33 - a23 * a32) - a12 * (a21 * a33 - a23 * a31) + a13 * (a21 * a32 - a22 * a31))
-            root = -n0 / n1
-            for _ in range(_STEPS):
-                root -= (((root + d2) * root + d1) * root + d0) / ((3.0 * root + 2.0 * d2) * root + d1)
-            half = -0.5 * (d2 + root)
-            spread = np.sqrt(complex(half * half - (d1 - 2.0 * root * half)))
-            poles[i, j, 0], poles[i, j, 1], poles[i, j, 2] = root, half + spread, half - spread
-            a1 = d2 + root
-            a2 = d1 + root * a1
-            others[0, i, j], others[1, i, j], others[2, i, j] = p_a, p_b, v
-            others[3, i, j], others[4, i, j], others[5, i, j], others[6, i, j], others[7, i, j] = n1, n0, d2, d1, d0
-            others[8, i, j], others[9, i, j], others[10, i, j] = a1, a2, a2 * n0 / d0
-    return poles, others

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from importlib import metadata
 from importlib.util import find_spec
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -30,10 +31,12 @@ class Row:
 
 @dataclass(frozen=True)
 class Contender:
-    """`run()` does `units` units of work and returns an error; `needs` names packages without which it is skipped."""
+    """`run()` does `units` units of work; `error` makes an error of what it returned, outside of the time; `needs` names packages
+    without which it is skipped."""
 
     name: str
-    run: Callable[[], float]
+    run: Callable[[], Any]
+    error: Callable[[Any], float] = float
     units: float = 1.0
     needs: tuple[str, ...] = ()
     clock: Callable[[], float] = time.process_time
@@ -50,7 +53,7 @@ def compare(job: str, contenders: list[Contender], repeats: int) -> list[Row]:
             print(f"{job}: {contender.name} skipped, {', '.join(missing)} is not installed", file=sys.stderr)
         else:
             present.append(contender)
-    errors = [contender.run() for contender in present]
+    errors = [contender.error(contender.run()) for contender in present]
     times = [[] for _ in present]
     for _ in range(repeats):
         for contender, row in zip(present, times, strict=True):
@@ -76,7 +79,7 @@ def table(rows: list[Row]) -> str:
 def document(rows: list[Row]) -> dict:
     """What `results.json` holds: the machine, the versions, the rows."""
     versions = {}
-    for name in ("numpy", "scipy", "numba", "control", "casadi", "scikit-sundae"):
+    for name in ("numpy", "scipy", "numba", "control", "slycot", "casadi", "scikit-sundae", "jax", "diffrax"):
         if find_spec({"scikit-sundae": "sksundae"}.get(name, name)):
             versions[name] = metadata.version(name)
     machine = {

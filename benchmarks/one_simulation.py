@@ -5,13 +5,16 @@ Errors are the largest over all states, relative to the range of each, against D
 
 from __future__ import annotations
 
+from functools import cache, partial
+
 import numpy as np
 from scipy.integrate import solve_ivp
 
 import hydroctl as hc
 
+from . import simulation_peers as peers
 from .measure import Contender, Row, compare
-from .peers import casadi_slope, slope_function
+from .peers import plant_of, slope_function
 
 _RTOL = 5e-6
 _TIMES = 20
@@ -27,17 +30,12 @@ def rows(*, smallest: bool) -> list[Row]:
     slope = slope_function(actuator)
 
     def by_scipy(method, rtol, atol):
-        parts, state = [np.array(start)[:, None]], start
-        for k, level in enumerate(levels):
-            times = t[k * held : (k + 1) * held + 1]
-            span = (times[0], times[-1])
-            answer = solve_ivp(lambda _, z, u: slope(z, u), span, state, method, times[1:], args=(level,), rtol=rtol, atol=atol)
-            parts.append(answer.y)
-            state = answer.y[:, -1]
-        return np.concatenate(parts, axis=1)
+        def solve(times, state, level):
+            return solve_ivp(lambda _, z: slope(z.tolist(), level), times[[0, -1]], state, method, times, rtol=rtol, atol=atol).y
+
+        return peers.in_segments(solve, levels, held)(start)
 
     expected = by_scipy("DOP853", 1e-12, [1e-5, 1e-5, 1e-13, 1e-13])
-    atol = [1.0, 1.0, 1e-8, 1e-8]
 
     def error(found):
         return float((np.abs(found - expected).max(axis=1) / np.ptp(expected, axis=1)).max())
@@ -45,49 +43,33 @@ def rows(*, smallest: bool) -> list[Row]:
     def by_hydroctl():
         for _ in range(_TIMES):
             r = hc.simulate(actuator, t, x, rtol=_RTOL)
-        return error(np.array([r.p_a, r.p_b, r.v, r.y]))
+        return np.array([r.p_a, r.p_b, r.v, r.y])
 
     def by_control():
         import control
 
-        system = control.nlsys(lambda t, z, u, _: np.array(slope(z, u[0])), lambda t, z, u, _: z, states=4, inputs=1, outputs=4)
-        return error(control.input_output_response(system, t, x, start).outputs)
+        system = control.nlsys(lambda t, z, u, _: slope(z.tolist(), float(u[0])), None, states=4, inputs=1)
+        return control.input_output_response(system, t, x, start).outputs
 
-    def in_segments(solve):
-        """The states of `solve(times, state, level)`, (4, n), segment by segment."""
-        parts, state = [np.array(start)[:, None]], np.array(start)
-        for level in levels:
-            parts.append(solve(1e-3 * np.arange(held + 1), state, level))
-            state = parts[-1][:, -1]
-        return np.concatenate(parts, axis=1)
+    def contender(name, make, times=1, needs=()):
+        made = cache(partial(make, plant_of(actuator), levels, held))
 
-    def by_sundials():
-        from sksundae.cvode import CVODE
+        def several():
+            for _ in range(times):
+                found = made()(start)
+            return found
 
-        def solve(times, state, level):
-            def right_hand_side(t, z, dz):
-                dz[:] = slope(z, level)
-
-            return CVODE(right_hand_side, rtol=1e-6, atol=np.array(atol)).solve(times, state).y[1:].T
-
-        return error(in_segments(solve))
-
-    def by_casadi():
-        import casadi
-
-        scale = np.array([1e7, 1e7, 0.1, 0.1])
-        z, x = casadi.SX.sym("z", 4), casadi.SX.sym("x")
-        field = {"x": z, "p": x, "ode": casadi.vertcat(*casadi_slope(actuator, z * scale, x)) / scale}
-        times = 1e-3 * np.arange(held + 1)
-        cvodes = casadi.integrator("cvodes", "cvodes", field, 0.0, times[1:], {"reltol": 1e-6, "abstol": 1e-8})
-        return error(in_segments(lambda _, state, level: np.array(cvodes(x0=state / scale, p=level)["xf"]) * scale[:, None]))
+        return Contender(name, several, error, units=times, needs=needs)
 
     contenders = [
-        Contender("python-control input_output_response", by_control, note="it ramps x between samples"),
-        Contender("scipy RK45, restarted at steps", lambda: error(by_scipy("RK45", 1e-6, atol))),
-        Contender("scipy LSODA, restarted at steps", lambda: error(by_scipy("LSODA", 1e-6, atol))),
-        Contender("scikit-sundae CVODE, restarted at steps", by_sundials, needs=("sksundae",)),
-        Contender("CasADi CVODES, restarted at steps", by_casadi, needs=("casadi",)),
-        Contender(f"hydroctl simulate, rtol {_RTOL:g}", by_hydroctl, units=_TIMES),
+        Contender("python-control input_output_response", by_control, error, note="it ramps x between samples"),
+        Contender("scipy RK45, restarted at steps", lambda: by_scipy("RK45", peers.RTOL, peers.ATOL), error),
+        Contender("scipy LSODA, restarted at steps", lambda: by_scipy("LSODA", peers.RTOL, peers.ATOL), error),
+        contender("scipy odeint, compiled equations", peers.by_odeint),
+        contender("scikit-sundae CVODE, compiled equations", peers.by_sundials, needs=("sksundae",)),
+        contender("CasADi CVODES, restarted at steps", peers.by_casadi, needs=("casadi",)),
+        contender("diffrax Tsit5, restarted at steps", peers.by_diffrax, needs=("diffrax",)),
+        contender("numba Runge-Kutta 4, 0.25 ms", peers.by_runge_kutta, _TIMES),
+        Contender(f"hydroctl simulate, rtol {_RTOL:g}", by_hydroctl, error, units=_TIMES),
     ]
     return compare("J2", contenders, 1 if smallest else 7)
