@@ -13,7 +13,7 @@ from decimal import Decimal
 from functools import cache
 from pathlib import Path
 
-from .errors import InputError
+from .errors import InputError, shown
 
 _FACTOR = r"[A-Za-zµμ°%]+((\^|\*\*)-?\d(\.\d)?|[²³])?"
 _QUANTITY = re.compile(
@@ -84,8 +84,6 @@ def _finite(field: str, given: object, number: float, unit: str) -> float:
 
 
 def _fault(field: str, value: object, what: str, unit: str) -> InputError:
-    shown = repr(value)
-    shown = shown if len(shown) <= 60 else shown[:57] + "..."
     example = f' or a text such as "{_EXAMPLES[unit]}"' if unit in _EXAMPLES else ""
     way_out = f"write a number in {unit}{example}" if unit else "write a plain number"
-    return InputError(f"{field} = {shown} {what}; {way_out}.")
+    return InputError(f"{field} = {shown(value)} {what}; {way_out}.")
