@@ -115,6 +115,14 @@ def test_a_file_that_is_no_data_sheet_is_code_2_with_a_line_per_fault(command, t
     assert any(words in line for line in lines)
 
 
+def test_a_process_of_its_own_ends_with_code_2(tmp_path):
+    (tmp_path / "machine.toml").write_text(_sheet({"mass": '"-1 kg"', "tank_pressure": '"300 bar"'}))
+    command = [sys.executable, "-m", "hydroctl.cli", "design", "machine.toml"]
+    ended = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
+    assert (ended.returncode, ended.stdout, len(ended.stderr.splitlines())) == (2, "", 2)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["machine.toml"]
+
+
 def test_at_least_forty_malformed_files_are_tried():
     assert len({_sheet(changes) for changes, _ in MALFORMED}) + len(UNREADABLE) >= 40
 
