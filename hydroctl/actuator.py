@@ -16,11 +16,13 @@ import dataclasses
 import hashlib
 import json
 import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from numbers import Real
+from types import SimpleNamespace
 from typing import Any
 
-from .errors import InputError, unknown_name
+from .errors import InputError, shown, unknown_name
 
 _FOLLOWS = {"flow_coefficient_b": "flow_coefficient", "breakaway_friction": "coulomb_friction"}
 """Parameters that, left out, equal another one."""
@@ -85,13 +87,7 @@ class Actuator:
     dead_band: float = _parameter("", "overlap of the valve on both sides of x = 0, as x", least=0, below=1, default=0.0)
 
     def __post_init__(self):
-        faults = [fault for name in PARAMETERS if (fault := parameter_fault(name, getattr(self, name)))]
-        for name in ("name", "source", "note"):
-            if not isinstance(getattr(self, name), str):
-                faults.append(f"{name} = {getattr(self, name)!r} is not a text; write it in quotes.")
-        if not faults:
-            faults = list(self._contradictions())
-        if faults:
+        if faults := field_faults({f.name: getattr(self, f.name) for f in dataclasses.fields(self)}):
             raise InputError(faults)
         for name in PARAMETERS:
             if getattr(self, name) is not None:
@@ -99,35 +95,6 @@ class Actuator:
         for name, leader in _FOLLOWS.items():
             if getattr(self, name) is None:
                 object.__setattr__(self, name, getattr(self, leader))
-
-    def _contradictions(self):
-        swept = self.area_b * self.stroke
-        if self.volume_b <= swept:
-            yield (
-                f"volume_b = {self.volume_b:g} m^3 is used up before the end of the stroke (area_b * stroke = {swept:g} m^3); "
-                "volume_b counts from y = 0, so raise it or shorten stroke."
-            )
-        if self.tank_pressure >= self.supply_pressure:
-            yield (
-                f"tank_pressure = {self.tank_pressure:g} Pa is not below supply_pressure = {self.supply_pressure:g} Pa; "
-                "give both on the same scale (both gauge or both absolute)."
-            )
-        if self.breakaway_friction is not None and self.breakaway_friction < self.coulomb_friction:
-            yield (
-                f"breakaway_friction = {self.breakaway_friction:g} N is below coulomb_friction = {self.coulomb_friction:g} N; "
-                "raise it or leave it out."
-            )
-        if (self.breakaway_friction or 0.0) > self.coulomb_friction and self.stribeck_speed is None:
-            yield (
-                f"stribeck_speed is missing: breakaway_friction = {self.breakaway_friction:g} N is above coulomb_friction; "
-                "add the speed in m/s over which it falls."
-            )
-        if self.valve_natural_frequency is None:
-            for name in ("valve_damping", "valve_rate_limit"):
-                if getattr(self, name) is not None:
-                    yield f"{name} = {getattr(self, name):g} needs valve_natural_frequency; add it or leave {name} out."
-        elif self.valve_damping is None:
-            yield "valve_damping is missing: valve_natural_frequency is given; add the damping ratio of the valve."
 
     def replace(self, **changes) -> Actuator:
         """A copy with some parameters changed, checked like a new one. An unknown name raises InputError.
@@ -163,15 +130,59 @@ PARAMETERS: dict[str, dataclasses.Field] = {f.name: f for f in dataclasses.field
 """The physical parameters by name; `.metadata` holds unit, text and bounds."""
 
 
-def parameter_fault(name: str, value: object) -> str | None:
-    """What is wrong with `value` as the parameter `name` taken alone, in one sentence; None where nothing is."""
+def field_faults(values: Mapping[str, object]) -> list[str]:
+    """Every fault of fields of `Actuator` by name, a sentence each: first of those taken alone, then between sound ones.
+
+    What is not in `values` is unknown, and no fault.
+    """
+    alone = {name: fault for name, value in values.items() if (fault := field_fault(name, value))}
+    sound = {name: values[name] if name in values and name not in alone else math.nan for name in PARAMETERS}
+    return [*alone.values(), *_contradictions(SimpleNamespace(**sound))]
+
+
+def _contradictions(p: SimpleNamespace) -> Iterator[str]:
+    """Faults between parameters; NaN stands for one whose value is not known, and no comparison with it holds."""
+    swept = p.area_b * p.stroke
+    if p.volume_b <= swept:
+        yield (
+            f"volume_b = {p.volume_b:g} m^3 is used up before the end of the stroke (area_b * stroke = {swept:g} m^3); "
+            "volume_b counts from y = 0, so raise it or shorten stroke."
+        )
+    if p.tank_pressure >= p.supply_pressure:
+        yield (
+            f"tank_pressure = {p.tank_pressure:g} Pa is not below supply_pressure = {p.supply_pressure:g} Pa; "
+            "give both on the same scale (both gauge or both absolute)."
+        )
+    if p.breakaway_friction is not None and p.breakaway_friction < p.coulomb_friction:
+        yield (
+            f"breakaway_friction = {p.breakaway_friction:g} N is below coulomb_friction = {p.coulomb_friction:g} N; "
+            "raise it or leave it out."
+        )
+    if (p.breakaway_friction or 0.0) > p.coulomb_friction and p.stribeck_speed is None:
+        yield (
+            f"stribeck_speed is missing: breakaway_friction = {p.breakaway_friction:g} N is above coulomb_friction; "
+            "add the speed in m/s over which it falls."
+        )
+    if p.valve_natural_frequency is None:
+        for name, value in (("valve_damping", p.valve_damping), ("valve_rate_limit", p.valve_rate_limit)):
+            if value is not None:
+                given = name if math.isnan(value) else f"{name} = {value:g}"
+                yield f"{given} needs valve_natural_frequency; add it or leave {name} out."
+    elif p.valve_damping is None:
+        yield "valve_damping is missing: valve_natural_frequency is given; add the damping ratio of the valve."
+
+
+def field_fault(name: str, value: object) -> str | None:
+    """What is wrong with `value` as the field `name` taken alone, in one sentence; None where nothing is."""
+    if name not in PARAMETERS:
+        return None if isinstance(value, str) else f"{name} = {shown(value)} is not a text; write it in quotes."
     spec = PARAMETERS[name]
     if value is None and spec.default is None:
         return None
     unit = spec.metadata["unit"]
     form, suffix = (f"in {unit}", f" {unit}") if unit else ("as a plain number", "")
     if isinstance(value, bool) or not isinstance(value, Real):
-        return f"{name} = {value!r} is not a number; give it {form}."
+        return f"{name} = {shown(value)} is not a number; give it {form}."
     try:
         value = float(value)
     except OverflowError:

@@ -296,3 +296,7 @@ def main() -> None:
 def _complain(error: Exception, code: int) -> int:
     typer.echo(f"hydroctl: {error}", err=True)
     return code
+
+
+if __name__ == "__main__":
+    main()

@@ -17,14 +17,15 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import tomllib
 from dataclasses import MISSING
 from importlib import resources
 from pathlib import Path
 from typing import NamedTuple
 
-from .actuator import PARAMETERS, Actuator, parameter_fault
-from .errors import InputError, unknown_name
+from .actuator import PARAMETERS, Actuator, field_fault, field_faults
+from .errors import InputError, shown, unknown_name
 from .files import write_file
 from .units import to_si
 
@@ -102,15 +103,24 @@ def _shipped():
 
 def _actuator(default_name: str, data: bytes, where: str) -> Actuator:
     try:
-        table = tomllib.loads(data.decode("utf-8-sig"))
+        text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"{where}: byte {error.start} is not UTF-8 text; save the data sheet as a UTF-8 TOML file.") from None
-    except (ValueError, RecursionError) as error:  # an integer of thousands of digits is a ValueError of Python's own
-        raise InputError(f"{where}: not valid TOML ({error}); write one `key = value` a line.") from None
     try:
-        return Actuator(**{"name": default_name} | _fields(table))
+        return Actuator(**{"name": default_name} | _fields(_parsed(text)))
     except InputError as error:
         raise InputError(f"{where}: {fault}" for fault in error.faults) from None
+
+
+def _parsed(text: str) -> dict:
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # an integer of thousands of digits is a ValueError of Python's own
+        place = re.search(r"at line (\d+)", str(error))
+        line = "" if place is None else " in " + shown(text.split("\n")[int(place[1]) - 1].strip())
+        raise InputError(
+            f"not valid TOML{line} ({error}); write one `key = value` a line, each key once, a quantity with a unit in quotes."
+        ) from None
 
 
 def _fields(table: dict) -> dict:
@@ -124,15 +134,37 @@ def _fields(table: dict) -> dict:
     values = {}
     for key in (key for key in table if key in _UNITS):
         try:
-            values[key] = to_si(key, table[key], _UNITS[key])
+            values[key] = _value(key, table[key])
         except InputError as error:
             faults += error.faults
+            values[key] = math.nan
+    bore = values.get("bore_diameter", math.inf)
+    for rod in ("rod_diameter", "rod_diameter_a"):
+        if values.get(rod, 0.0) >= bore:
+            faults.append(f"{rod} = {values[rod]:g} m is not below bore_diameter = {bore:g} m; give them the right way round.")
+            values[rod] = math.nan
     faults += _choice_faults(table)
-    faults += _makers_faults(values)
+    texts = {key: table[key] for key in _TEXTS if key in table}
+    fields = _converted(values)
     if faults:
-        faults += [fault for key in values if key in PARAMETERS and (fault := parameter_fault(key, values[key]))]
-        raise InputError(faults)
-    return {key: table[key] for key in _TEXTS if key in table} | _converted(values)
+        known = {name: value for name, value in fields.items() if not math.isnan(value)}
+        left_out = {name: spec.default for name, spec in PARAMETERS.items() if name not in table and spec.default is not MISSING}
+        raise InputError([*faults, *field_faults(texts | left_out | known)])
+    return texts | fields
+
+
+def _value(key: str, given: object) -> float:
+    """The number of one key in SI; raises InputError where it is wrong taken alone."""
+    value = to_si(key, given, _UNITS[key])
+    if key in PARAMETERS:
+        fault = field_fault(key, value)
+    elif key.startswith("hose"):
+        fault = f"{key} = {value:g} m^3 must be at least 0; leave it out where there are no lines." if value < 0.0 else None
+    else:
+        fault = f"{key} = {value:g} {_UNITS[key]} must be above 0; give its size." if value <= 0.0 else None
+    if fault:
+        raise InputError(fault)
+    return value
 
 
 def _choice_faults(table: dict):
@@ -149,7 +181,8 @@ def _choice_faults(table: dict):
             yield f"{', '.join(missing)} is missing; add {'it' if len(missing) == 1 else 'them'}{other}."
         drops = [key for key in way.one_of if key in table]
         if way.one_of and makers and len(drops) != 1:
-            yield f"{' and '.join(drops) or 'the pressure drop of rated_flow'} given; give one of {' and '.join(way.one_of)}."
+            stated = f"{' and '.join(drops)} are both given" if drops else "the pressure drop of rated_flow is missing"
+            yield f"{stated}; give one of {' and '.join(way.one_of)}."
     if "hose_volume" in table and ("hose_volume_a" in table or "hose_volume_b" in table):
         yield "hose_volume is given in all and per side; keep hose_volume, or hose_volume_a and hose_volume_b."
     for name, spec in PARAMETERS.items():
@@ -157,34 +190,21 @@ def _choice_faults(table: dict):
             yield f"{name} is missing; add {spec.metadata['text']} in {spec.metadata['unit']}."
 
 
-def _makers_faults(values: dict):
-    """Makers' data outside their bounds."""
-    for key in (key for key in _MAKERS if key in values):
-        if key.startswith("hose"):
-            if values[key] < 0.0:
-                yield f"{key} = {values[key]:g} m^3 must be at least 0; leave it out where there are no lines."
-        elif values[key] <= 0.0:
-            yield f"{key} = {values[key]:g} {_MAKERS[key]} must be above 0; give its size."
-    bore = values.get("bore_diameter", math.inf)
-    for rod in ("rod_diameter", "rod_diameter_a"):
-        if values.get(rod, 0.0) >= bore:
-            yield f"{rod} = {values[rod]:g} m is not below bore_diameter = {bore:g} m; give them the right way round."
-
-
-def _converted(values: dict) -> dict:
-    """Makers' data turned into parameters of `Actuator`."""
-    fields = {key: value for key, value in values.items() if key in PARAMETERS}
+def _converted(values: dict[str, float]) -> dict[str, float]:
+    """Parameters of `Actuator` from `values`, makers' data turned into them; NaN where one of them is NaN or missing."""
+    fields = {}
     if "bore_diameter" in values:
-        for side, rod in (("a", "rod_diameter_a"), ("b", "rod_diameter")):
-            fields[f"area_{side}"] = math.pi / 4 * (values["bore_diameter"] ** 2 - values.get(rod, 0.0) ** 2)
-    if "dead_volume_a" in values:
-        for side, swept in (("a", 0.0), ("b", fields["area_b"] * values["stroke"])):
-            hose = values.get(f"hose_volume_{side}", values.get("hose_volume", 0.0) / 2.0)
-            fields[f"volume_{side}"] = values[f"dead_volume_{side}"] + hose + swept
-    if "rated_flow" in values:
-        edges = 2.0 if "rated_pressure_drop_per_valve" in values else 1.0
-        root = math.sqrt(values.get("rated_pressure_drop_per_valve", values.get("rated_pressure_drop_per_edge")))
-        fields["flow_coefficient"] = values["rated_flow"] * math.sqrt(edges) / root
-        if "rated_flow_b" in values:
-            fields["flow_coefficient_b"] = values["rated_flow_b"] * math.sqrt(edges) / root
+        bore = values["bore_diameter"]
+        for side, rod in (("a", values.get("rod_diameter_a", 0.0)), ("b", values.get("rod_diameter", math.nan))):
+            fields[f"area_{side}"] = math.pi / 4 * (bore * bore - rod * rod)
+    fields |= {key: value for key, value in values.items() if key in PARAMETERS}
+    swept = {"a": 0.0, "b": fields.get("area_b", math.nan) * fields.get("stroke", math.nan)}
+    for side in (side for side in swept if f"dead_volume_{side}" in values and f"volume_{side}" not in values):
+        hose = values.get(f"hose_volume_{side}", values.get("hose_volume", 0.0) / 2.0)
+        fields[f"volume_{side}"] = values[f"dead_volume_{side}"] + hose + swept[side]
+    edges = 2.0 if "rated_pressure_drop_per_valve" in values else 1.0
+    root = math.sqrt(values.get("rated_pressure_drop_per_valve", values.get("rated_pressure_drop_per_edge", math.nan)))
+    for flow, parameter in (("rated_flow", "flow_coefficient"), ("rated_flow_b", "flow_coefficient_b")):
+        if flow in values and parameter not in values:
+            fields[parameter] = values[flow] * math.sqrt(edges) / root
     return fields

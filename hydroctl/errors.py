@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 
 _LONGEST_NAME = 60
+_LONGEST_VALUE = 60
 
 
 class HydroctlError(Exception):
@@ -30,6 +31,15 @@ class InfeasibleError(HydroctlError):
 
 class SimulationError(HydroctlError, ArithmeticError):
     """A simulation could not be carried to its end; the message says when it stopped and why."""
+
+
+def shown(value: object) -> str:
+    """`repr(value)` for a message, cut where it is long; Python itself refuses to write out an integer of thousands of digits."""
+    try:
+        text = repr(value)
+    except ValueError:
+        return f"({type(value).__name__} too long to print)"
+    return text if len(text) <= _LONGEST_VALUE else text[: _LONGEST_VALUE - 3] + "..."
 
 
 def unknown_name(kind: str, name: object, known: Iterable[str]) -> str:

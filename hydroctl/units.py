@@ -2,7 +2,7 @@
 
 Grammar: one number with a decimal point, then one unit (`bar`, `L/min`, `N*s/m`, `cm^2`, `1/s`). A decimal comma, a range,
 a plus-minus sign or a second quantity ("40 L/min @ 70 bar") is an error, because each of them has more than one reading.
-A frequency in Hz is a cycle frequency: `"50 Hz"` becomes 314.159 rad/s.
+A frequency in Hz is a cycle frequency: `"50 Hz"` becomes 314.159 rad/s. `units.txt` holds the units.
 """
 
 from __future__ import annotations
@@ -11,8 +11,9 @@ import math
 import re
 from decimal import Decimal
 from functools import cache
+from pathlib import Path
 
-from .errors import InputError
+from .errors import InputError, shown
 
 _FACTOR = r"[A-Za-zµμ°%]+((\^|\*\*)-?\d(\.\d)?|[²³])?"
 _QUANTITY = re.compile(
@@ -41,9 +42,7 @@ _EXAMPLES = {
 def _registry():
     import pint
 
-    registry = pint.UnitRegistry(on_redefinition="ignore", non_int_type=Decimal)
-    registry.define("hertz = turn / second = Hz")
-    return registry
+    return pint.UnitRegistry(Path(__file__).with_name("units.txt"), non_int_type=Decimal)
 
 
 def to_si(field: str, value: object, unit: str) -> float:
@@ -85,8 +84,6 @@ def _finite(field: str, given: object, number: float, unit: str) -> float:
 
 
 def _fault(field: str, value: object, what: str, unit: str) -> InputError:
-    shown = repr(value)
-    shown = shown if len(shown) <= 60 else shown[:57] + "..."
     example = f' or a text such as "{_EXAMPLES[unit]}"' if unit in _EXAMPLES else ""
     way_out = f"write a number in {unit}{example}" if unit else "write a plain number"
-    return InputError(f"{field} = {shown} {what}; {way_out}.")
+    return InputError(f"{field} = {shown(value)} {what}; {way_out}.")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from machines import DIFFERENTIAL, REFERENCE, machines
+from machines import DIFFERENTIAL, REFERENCE, dry_machines, machines
 
 import hydroctl as hc
 from hydroctl.actuator import PARAMETERS
@@ -88,8 +88,14 @@ def test_every_parameter_says_its_unit_and_what_it_is():
 
 
 @settings(max_examples=60, deadline=None)
-@given(machine=machines(), name=st.text(max_size=20), note=st.text(max_size=40))
+@given(machine=st.one_of(machines(), dry_machines()), name=st.text(max_size=20), note=st.text(max_size=40))
 def test_an_actuator_written_as_a_data_sheet_reads_back_bit_for_bit(machine, name, note, tmp_path_factory):
     named = machine.replace(name=name or "unnamed", note=note)
     path = hc.save_actuator(named, tmp_path_factory.getbasetemp() / "machine.toml")
     assert hc.load_actuator(path) == named
+
+
+@pytest.mark.parametrize("name", hc.list_actuators())
+def test_a_shipped_machine_reads_back_bit_for_bit(name, tmp_path):
+    actuator = hc.load_actuator(name)
+    assert hc.load_actuator(hc.save_actuator(actuator, tmp_path / "machine.toml")) == actuator

@@ -1,6 +1,7 @@
 """The command line: exit codes, messages, and what is left behind."""
 
 import json
+import re
 import subprocess
 import sys
 
@@ -76,23 +77,54 @@ def test_bad_arguments_are_one_message_and_code_2(command, monkeypatch, tmp_path
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("changes", [changes for changes, _ in MALFORMED], ids=lambda changes: ",".join(changes)[:40])
-def test_every_malformed_data_sheet_ends_with_code_2_and_no_traceback(command, tmp_path, changes):
+WAY_OUT = re.compile(
+    r"[;,] (write|give|add|keep|leave|raise|save|name|so raise|did you mean|known:) ?|must be (above|at least|below) \d"
+)
+
+
+def _refused(command, path, name):
+    """The messages of `hydroctl name path`, one a line, after what holds for every refused data sheet."""
+    code, stdout, stderr = command(name, path, *(("-o", path.parent / "out") if name == "design" else ()))
+    assert (code, stdout) == (2, "")
+    lines = stderr.removeprefix("hydroctl: ").splitlines()
+    for line in lines:
+        assert line.startswith(f"{path}: "), line
+        assert WAY_OUT.search(line), line
+        assert len(line) < 1000
+    assert list(path.parent.iterdir()) == [path]
+    return lines
+
+
+@pytest.mark.parametrize("name", ["actuators", "design"])
+@pytest.mark.parametrize(("changes", "words"), MALFORMED, ids=lambda value: ",".join(value)[:40])
+def test_a_malformed_data_sheet_is_code_2_with_a_line_per_fault(command, tmp_path, changes, words, name):
     path = tmp_path / "machine.toml"
     path.write_text(_sheet(changes))
-    code, stdout, stderr = command("actuators", path)
-    assert (code, stdout) == (2, "")
-    assert all(line.strip() for line in stderr.strip().splitlines())
-    assert "Traceback" not in stderr
+    lines = _refused(command, path, name)
+    assert len(lines) == len(words)
+    assert all(any(word in line for line in lines) for word in words)
 
 
-@pytest.mark.parametrize("kind", UNREADABLE)
-def test_every_file_that_is_no_data_sheet_ends_with_code_2_and_no_traceback(command, tmp_path, kind):
+@pytest.mark.parametrize("name", ["actuators", "design"])
+@pytest.mark.parametrize("kind", [*UNREADABLE, "directory"])
+def test_a_file_that_is_no_data_sheet_is_code_2_with_a_line_per_fault(command, tmp_path, kind, name):
     path = tmp_path / "machine.toml"
-    path.write_bytes(UNREADABLE[kind][0])
-    code, stdout, stderr = command("actuators", path)
-    assert (code, stdout) == (2, "")
-    assert "Traceback" not in stderr
+    data, words = UNREADABLE.get(kind, (None, "cannot be read"))
+    path.mkdir() if data is None else path.write_bytes(data)
+    lines = _refused(command, path, name)
+    assert any(words in line for line in lines)
+
+
+def test_a_process_of_its_own_ends_with_code_2(tmp_path):
+    (tmp_path / "machine.toml").write_text(_sheet({"mass": '"-1 kg"', "tank_pressure": '"300 bar"'}))
+    command = [sys.executable, "-m", "hydroctl.cli", "design", "machine.toml"]
+    ended = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
+    assert (ended.returncode, ended.stdout, len(ended.stderr.splitlines())) == (2, "", 2)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["machine.toml"]
+
+
+def test_at_least_forty_malformed_files_are_tried():
+    assert len({_sheet(changes) for changes, _ in MALFORMED}) + len(UNREADABLE) >= 40
 
 
 def test_an_output_directory_that_cannot_be_made_is_code_2(command, tmp_path):

@@ -149,6 +149,19 @@ MALFORMED = [
     ({"valve_natural_frequency": '"50 Hz"'}, ["valve_damping is missing"]),
     ({"valve_damping": "0.7"}, ["valve_damping = 0.7 needs valve_natural_frequency"]),
     ({"breakaway_friction": '"1 kN"'}, ["stribeck_speed is missing"]),
+    ({"valve_rate_limit": '"10 1/s"'}, ["valve_rate_limit = 10 needs valve_natural_frequency"]),
+    ({"coulomb_friction": "200", "breakaway_friction": "100"}, ["breakaway_friction = 100 N is below coulomb_friction = 200 N"]),
+    (
+        {"dead_volume_a": None, "dead_volume_b": None, "volume_a": '"0.2 L"', "volume_b": '"0.2 L"'},
+        ["volume_b = 0.0002 m^3 is used up before the end of the stroke"],
+    ),
+    ({"bore_diameter": '"1e200 m"', "dead_volume_b": "-1"}, ["area_a = inf", "area_b = inf", "dead_volume_b = -1 m^3"]),
+    (
+        {"valve_natural_frequency": '"50 bar"', "mass": "-1"},
+        ["valve_natural_frequency = '50 bar'", "mass", "valve_damping is missing"],
+    ),
+    ({"valve_damping": "-1"}, ["valve_damping = -1 must be above 0", "valve_damping needs valve_natural_frequency"]),
+    ({"mass": "0x" + "f" * 5000, "name": "0xf" + "f" * 5000}, ["mass = (int too long to print)", "name = (int too long to print)"]),
     (
         {"mass": "-1", "stroke": '"3,5 mm"', "colour": '"red"', "supply_pressure": None},
         ["mass = -1 kg", "stroke", "colour", "supply_pressure"],
@@ -174,6 +187,43 @@ def test_a_malformed_sheet_gives_one_message_per_fault(tmp_path, changes, words)
         assert "\n" not in fault
 
 
+# keys that a fault between parameters needs sound, changes that bring it about, and its words
+BETWEEN = [
+    ({"supply_pressure", "tank_pressure"}, {"tank_pressure": '"300 bar"'}, "tank_pressure = 3e+07 Pa is not below supply_pressure"),
+    (
+        {"area_a", "bore_diameter", "rod_diameter", "rod_diameter_a", "volume_b"},
+        {"rod_diameter": '"0.2 m"'},
+        "rod_diameter = 0.2 m is not below bore_diameter",
+    ),
+    ({"valve_natural_frequency", "valve_damping"}, {"valve_damping": "0.7"}, "valve_damping = 0.7 needs valve_natural_frequency"),
+    (
+        {"coulomb_friction", "breakaway_friction"},
+        {"coulomb_friction": "9", "breakaway_friction": "8"},
+        "breakaway_friction = 8 N is below",
+    ),
+    (
+        {"hose_volume", "hose_volume_a", "volume_b"},
+        {"hose_volume": "1e-4", "hose_volume_b": "1e-4"},
+        "hose_volume is given in all and per side",
+    ),
+    ({"name"}, {"name": "7"}, "name = 7 is not a text"),
+]
+
+
+@pytest.mark.parametrize(("changes", "words"), MALFORMED[:-1], ids=lambda value: ",".join(value)[:40])
+def test_no_fault_hides_another(tmp_path, changes, words):
+    beside = [(more, word) for needed, more, word in BETWEEN if not needed & changes.keys()]
+    for more, word in beside:
+        changes, words = changes | more, [*words, word]
+    test_a_malformed_sheet_gives_one_message_per_fault(tmp_path, changes, words)
+
+
+def test_a_volume_that_is_used_up_is_told_beside_other_faults(tmp_path):
+    volumes = {"dead_volume_a": None, "dead_volume_b": None, "volume_a": '"0.2 L"', "volume_b": '"0.2 L"'}
+    words = ["volume_b = 0.0002 m^3 is used up", "mass = -1 kg", "colour"]
+    test_a_malformed_sheet_gives_one_message_per_fault(tmp_path, volumes | {"mass": "-1", "colour": "1"}, words)
+
+
 UNREADABLE = {
     "empty": (b"", "is missing"),
     "binary": (bytes(range(256)), "is not UTF-8 text"),
@@ -181,7 +231,8 @@ UNREADABLE = {
     "large": (b"# text\n" * 1_500_000, "more than 100 kB is no data sheet"),
     "many keys": (b"".join(b"key%d = 1\n" % k for k in range(5000)), "5000 keys are unknown, 'key0' the first"),
     "long key": (b"k" * 50_000 + b" = 1\n", "key 'kkkk"),
-    "duplicate": (b"mass = 1\nmass = 2\n", "not valid TOML"),
+    "duplicate": (b"mass = 1\nmass = 2\n", "not valid TOML in 'mass = 2' (Cannot overwrite a value (at line 2"),
+    "no quotes": (b"mass = 1\nstroke = 3,5 mm\n", "not valid TOML in 'stroke = 3,5 mm'"),
     "no value": (b"mass\n", "not valid TOML"),
     "open quote": (b'mass = "200 kg\n', "not valid TOML"),
     "json": (b'{"mass": 200}', "not valid TOML"),

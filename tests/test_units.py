@@ -1,11 +1,14 @@
 """Quantities at the file boundary."""
 
+import itertools
 import math
+from decimal import Decimal
 
+import pint
 import pytest
 
 from hydroctl.errors import InputError
-from hydroctl.units import to_si
+from hydroctl.units import _registry, to_si
 
 
 @pytest.mark.parametrize(
@@ -37,6 +40,53 @@ def test_a_quantity_becomes_si(text, unit, value):
 def test_a_conversion_is_exact_where_the_decimal_is():
     assert to_si("bore_diameter", "63 mm", "m") == 0.063
     assert to_si("supply_pressure", "210 bar", "Pa") == 210e5
+
+
+@pytest.fixture(scope="module")
+def full():
+    """All of pint's own units, with the hertz as a cycle frequency."""
+    registry = pint.UnitRegistry(on_redefinition="ignore", non_int_type=Decimal)
+    registry.define("hertz = turn / second = Hz")
+    return registry
+
+
+def test_every_unit_with_every_prefix_reads_as_in_the_full_registry(full):
+    def factor(registry, name):
+        quantity = registry.Quantity(Decimal(1), registry.parse_units(name)).to_root_units()
+        return float(quantity.magnitude), dict(quantity.dimensionality)
+
+    units = _registry()
+    names = [prefix + unit for prefix, unit in itertools.product(units._prefixes, units._units)]  # each look-up adds units
+    known = [name for name in names if name in units and name in full]
+    differ = {name: str(full.parse_units(name)) for name in known if factor(units, name) != factor(full, name)}
+    assert differ == {"hbar": "dirac_constant", "mcc": "microspeed_of_light"}  # neither is on a data sheet
+
+
+@pytest.mark.parametrize(
+    ("units", "si"),
+    [
+        ("m dm cm mm um µm μm nm in inch ft foot yd thou millimeter metre", "m"),
+        ("m^2 cm^2 mm^2 dm^2 cm² in^2 in**2 ft^2", "m^2"),
+        ("m^3 dm^3 cm^3 mm^3 cm³ L l mL ml cL liter litre cc in^3 ft^3 gal qt floz", "m^3"),
+        ("L/min l/min L/s m^3/s m^3/h cm^3/s cm^3/min gal/min in^3/s", "m^3/s"),
+        ("L/min/bar cm^3/s/MPa m^3/s/Pa mL/min/bar in^3/s/psi", "m^3/s/Pa"),
+        ("Pa hPa kPa MPa GPa bar mbar kbar psi ksi atm torr mmHg N/mm^2 N/m^2 kgf/cm^2 lbf/in^2", "Pa"),
+        ("kg g mg t tonne ton lb oz slug", "kg"),
+        ("N mN kN MN dyn kgf lbf kip", "N"),
+        ("s ms us µs min h", "s"),
+        ("Hz kHz rad/s deg/s rpm rps 1/s", "rad/s"),
+        ("m/s mm/s cm/s um/s m/min in/s ft/s", "m/s"),
+        ("N*s/m N·s/m kN*s/m N*s/mm kg/s lbf*s/in", "N*s/m"),
+        ("N/m N/mm kN/mm N/um MN/m lbf/in", "N/m"),
+        ("% percent", ""),
+    ],
+)
+@pytest.mark.parametrize("number", ["1", "63", "31.2", "0.7", "3000", "1.5e-3", "2.718281828459045", "1e-13"])
+def test_the_units_of_data_sheets_round_as_in_the_full_registry(full, units, si, number):
+    for unit in units.split():
+        text = unit.replace("³", "^3").replace("²", "^2").replace("·", "*")
+        expected = full.Quantity(Decimal(number), full.parse_units(text)).m_as(si or "dimensionless")
+        assert to_si("field", f"{number} {unit}", si) == float(expected), unit
 
 
 @pytest.mark.parametrize(
