@@ -7,6 +7,7 @@ along y.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -14,7 +15,8 @@ from . import equilibrium, plant
 from .actuator import Actuator
 from .errors import InputError, OperatingPointError
 
-_RESIDUAL_LIMIT = 1e-9
+_FEW = 8
+"""Number of openings that plain Python solves sooner than numba is loaded"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +67,7 @@ class OperatingPoints:
             y=y,
             load=load,
             stall=float(stall_force(self.actuator, x)),
-            left=abs(float(_force_left(self.actuator, x, load))),
+            left=abs(_force_left(self.actuator, x, load)),
             p_a=float(self.p_a[index]),
             p_b=float(self.p_b[index]),
             v=float(self.v[index]),
@@ -73,6 +75,7 @@ class OperatingPoints:
         )
 
 
+# in the order of the faults in `equilibrium`
 _REASONS = (
     "",
     "x must be between -1 and 1.",
@@ -92,14 +95,11 @@ _REASONS = (
     "the speed of {v:.3g} m/s is below twice creep_speed = {machine.creep_speed:g} m/s, where the law of dry friction stands for "
     "rest. Take a larger |x| or lower creep_speed.",
 )
-_OPENING, _STROKE, _OVERLAP, _CLOSED, _STALLED, _STUCK, _NOT_CONVERGED, _CAVITATION, _ABOVE_SUPPLY, _CREEPING = range(1, 11)
 
 
 def stall_force(actuator: Actuator, x) -> np.ndarray:
     """The load in N (positive against extension) that just stops the piston on each side of x; no leakage, no dry friction."""
-    p_s, p_t = actuator.supply_pressure, actuator.tank_pressure
-    extending = actuator.area_a * p_s - actuator.area_b * p_t
-    retracting = actuator.area_a * p_t - actuator.area_b * p_s
+    retracting, extending = equilibrium.stall_forces(plant.parameters(actuator))
     return np.where(np.signbit(np.asarray(x, float)), retracting, extending)
 
 
@@ -117,18 +117,30 @@ def find_operating_points(actuator: Actuator, x, y, *, load_force=0.0) -> Operat
         shape = np.broadcast_shapes(x.shape, y.shape, load.shape)
     except ValueError:
         raise InputError(f"x {x.shape}, y {y.shape} and load_force {load.shape} do not broadcast; use x[:, None] with y.") from None
-    p = plant.parameters(actuator)
-    opening = plant.effective_opening(x, p)
-    p_a, p_b, v = equilibrium.solve(p, opening, load)
-    residual = _residual(p, opening, p_a, p_b, v, load)
-    fault = _faults(actuator, x, y, load, p_a, p_b, v, residual)
-    found = np.array((p_a, p_b, v, residual))
-    found = found.reshape(4, *(1,) * (len(shape) - p_a.ndim), *p_a.shape)
+    along = np.broadcast_shapes(x.shape, load.shape)
+    openings, loads = (np.ascontiguousarray(np.broadcast_to(value, along)).ravel() for value in (x, load))
+    found, fault = np.empty((4, openings.size)), np.empty(openings.size, dtype=int)
+    solver = equilibrium if openings.size <= _FEW else compiled_equilibrium()
+    with np.errstate(all="ignore"):  # beyond the stall force numbers may overflow: such points are flagged
+        solver.solve_all(plant.parameters(actuator), openings, loads, found, fault)
+    fault = fault.reshape(along)
+    outside = (y < 0.0) | (y > actuator.stroke)
+    if outside.any():
+        fault = np.where(outside & (fault != equilibrium.OPENING), equilibrium.STROKE, fault)
+    found = found.reshape(4, *(1,) * (len(shape) - len(along)), *along)
     x, y, load, fault = (np.broadcast_to(value, shape) for value in (x, y, load, fault))
     points = OperatingPoints(actuator, x, y, load, *np.broadcast_to(found, (4, *shape)), fault)
     if shape == () and fault:
         raise OperatingPointError(points.reason[()])
     return points
+
+
+@cache
+def compiled_equilibrium():
+    """The module `equilibrium`, compiled."""
+    from .compiling import compiled
+
+    return compiled(equilibrium, "points", plant=compiled(plant, "points"))
 
 
 def _finite(name: str, value) -> np.ndarray:
@@ -141,47 +153,7 @@ def _finite(name: str, value) -> np.ndarray:
     return array
 
 
-def _force_left(actuator: Actuator, x, load) -> np.ndarray:
+def _force_left(actuator: Actuator, x: float, load: float) -> float:
     """What pressure and load leave to overcome dry friction, in N in the direction of extension, with the piston at rest."""
     p = plant.parameters(actuator)
-    return equilibrium.force_at_rest(p, plant.effective_opening(x, p)) - load
-
-
-def _residual(p: plant.Parameters, opening, p_a, p_b, v, load) -> np.ndarray:
-    """Largest of the three equations' sums, each over its largest term."""
-    gain_a, gain_b = plant.flow_gains(p_a, p_b, opening, p)
-    leak = p.leakage * (p_a - p_b)
-    balances = np.array(
-        (
-            (gain_a * opening, -p.area_a * v, -leak),
-            (gain_b * opening, p.area_b * v, leak),
-            (p.area_a * p_a - load, -p.area_b * p_b, -plant.friction_force(v, p)),
-        )
-    )
-    largest = np.abs(balances).max(axis=1)
-    return (np.abs(balances.sum(axis=1)) / np.where(largest == 0.0, 1.0, largest)).max(axis=0)
-
-
-def _faults(actuator: Actuator, x, y, load, p_a, p_b, v, residual) -> np.ndarray:
-    """Index into the reasons for every point; the first that holds. All but the stroke is told along x and load alone."""
-    slack = 1e-9 * actuator.supply_pressure
-    stall = stall_force(actuator, x)
-    conditions = {
-        _CLOSED: x == 0.0,
-        _STALLED: np.where(np.signbit(x), load <= stall, load >= stall),
-        _NOT_CONVERGED: ~(residual <= _RESIDUAL_LIMIT),
-        _CAVITATION: np.minimum(p_a, p_b) < actuator.tank_pressure - slack,
-        _ABOVE_SUPPLY: np.maximum(p_a, p_b) > actuator.supply_pressure + slack,
-    }
-    if actuator.breakaway_friction > 0.0:
-        conditions[_STUCK] = np.abs(_force_left(actuator, x, load)) <= actuator.breakaway_friction
-        conditions[_CREEPING] = np.abs(v) < 2.0 * actuator.creep_speed
-    if actuator.dead_band > 0.0:
-        conditions[_OVERLAP] = np.abs(x) <= actuator.dead_band
-    fault = np.zeros(np.shape(residual), dtype=int)
-    for kind in sorted(conditions, reverse=True):
-        fault = np.where(conditions[kind], kind, fault)
-    outside = (y < 0.0) | (y > actuator.stroke)
-    if outside.any():
-        fault = np.where(outside, _STROKE, fault)
-    return np.where(np.abs(x) > 1.0, _OPENING, fault)
+    return float(equilibrium.force_at_rest(p, float(plant.effective_opening(x, p))) - load)

@@ -114,26 +114,36 @@ def stiffnesses(y, p: Parameters):
 
 
 def friction_force(v, p: Parameters):
-    """F_f(v) in N, against the motion: B v + (F_c + (F_s - F_c)/(1 + (v/v_s)^2)) v/sqrt(v^2 + v_c^2).
+    """F_f(v) in N, against the motion: viscous friction B v and `dry_friction`."""
+    return p.viscous_friction * v + dry_friction(v, p)
 
-    Viscous friction B, Coulomb friction F_c, and breakaway friction F_s that falls half way to F_c at the Stribeck speed v_s
-    (the Lorentzian form, e.g. Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994) 1083). The last factor makes
-    the sign of v smooth: a piston held by dry friction under a force F < F_s creeps at about v_c F/sqrt(F_s^2 - F^2), that is
-    0.58 v_c at half of F_s. The largest dry force stays below F_s by up to 1.4 v_c/v_s of it. Both quotients stand over one
-    denominator, because divisions and roots bound the speed of a simulation.
+
+def dry_friction(v, p: Parameters):
+    """(F_c + (F_s - F_c)/(1 + (v/v_s)^2)) v/sqrt(v^2 + v_c^2) in N, against the motion.
+
+    Coulomb friction F_c, and breakaway friction F_s that falls half way to F_c at the Stribeck speed v_s (the Lorentzian form, e.g.
+    Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994) 1083). The last factor makes the sign of v smooth: a piston
+    held by dry friction under a force F < F_s creeps at about v_c F/sqrt(F_s^2 - F^2), that is 0.58 v_c at half of F_s. The largest
+    dry force stays below F_s by up to 1.4 v_c/v_s of it. Both quotients stand over one denominator, because divisions and roots
+    bound the speed of a simulation.
     """
     square, knee = v * v, p.stribeck_speed**2
     dry = p.coulomb_friction * (knee + square) + (p.breakaway_friction - p.coulomb_friction) * knee
-    return p.viscous_friction * v + dry * v / ((knee + square) * np.sqrt(square + p.creep_speed**2))
+    return dry * v / ((knee + square) * np.sqrt(square + p.creep_speed**2))
 
 
 def friction_slope(v, p: Parameters):
     """dF_f/dv in N*s/m; negative where breakaway friction falls faster than viscous friction rises."""
+    return p.viscous_friction + dry_friction_slope(v, p)
+
+
+def dry_friction_slope(v, p: Parameters):
+    """Derivative of `dry_friction` in N*s/m."""
     ratio = v / p.stribeck_speed
     excess = (p.breakaway_friction - p.coulomb_friction) / (1.0 + ratio**2)
     root = np.sqrt(v * v + p.creep_speed**2)
     falling = -2.0 * excess * ratio / (1.0 + ratio**2) / p.stribeck_speed
-    return p.viscous_friction + falling * v / root + (p.coulomb_friction + excess) * p.creep_speed**2 / root**3
+    return falling * v / root + (p.coulomb_friction + excess) * p.creep_speed**2 / root**3
 
 
 def end_stop_force(y, v, p: Parameters):

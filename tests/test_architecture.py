@@ -11,7 +11,8 @@ import hydroctl
 
 PACKAGE = Path(hydroctl.__file__).parent
 LAYERS = (
-    ("errors",),
+    ("errors", "scalar"),
+    ("compiling",),
     ("units", "polynomials", "files", "schedule_versions", "forms", "recursion", "region"),
     ("actuator", "second_order"),
     ("datasheet", "plant", "bases", "records"),

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from machines import DIFFERENTIAL, LOSSLESS, REFERENCE, balances, dry_machines, imbalance, machines, mirrored, paper_closed_form
 
 import hydroctl as hc
-from hydroctl import plant
-from hydroctl.operating_point import stall_force
+from hydroctl import equilibrium, plant
+from hydroctl.operating_point import compiled_equilibrium, stall_force
 
 OPENINGS = np.concatenate([-np.geomspace(1.0, 1e-4, 60), np.geomspace(1e-4, 1.0, 60)])
 
@@ -309,3 +309,17 @@ def test_random_machines_with_dry_friction_rest_at_their_points_and_mirror(machi
         assert abs(rates[2]) <= 1e-12 * force * p.inverse_mass
         np.testing.assert_allclose([other.p_b[0], other.p_a[0], -other.v[0]], [p_a, p_b, v], rtol=1e-8)
         assert np.isfinite(hc.linearize(machine, points).A).all()
+
+
+@pytest.mark.parametrize("name", hc.list_actuators())
+def test_the_compiled_equations_do_what_they_do_in_python(name):
+    """At stalled, closed, stuck and cavitating points, too."""
+    machine = hc.load_actuator(name)
+    p, x = plant.parameters(machine), np.concatenate([np.linspace(-1.1, 1.1, 23), [0.0, -0.0, 1e-4, -1e-4]])
+    for load in (0.0, 1e4, -3e5, 3e6):
+        (found, fault), (expected, expected_fault) = pairs = [(np.empty((4, x.size)), np.empty(x.size, dtype=int)) for _ in "12"]
+        for solver, pair in zip((compiled_equilibrium(), equilibrium), pairs, strict=True):
+            with np.errstate(all="ignore"):
+                solver.solve_all(p, x, np.full(x.size, load), *pair)
+        assert (fault == expected_fault).all()
+        np.testing.assert_allclose(found[:3], expected[:3], rtol=1e-13)

@@ -205,13 +205,14 @@ def test_threads_that_ask_for_kernels_at_once_get_the_same_ones():
     code = """
 from concurrent.futures import ThreadPoolExecutor
 import hydroctl, numba
-from hydroctl.simulation.compiled import _CACHE_DIRECTORY, functions, motion_for
+from hydroctl.compiling import CACHE_DIRECTORY, functions
+from hydroctl.simulation.compiled import motion_for
 machine = hydroctl.load_actuator("reference")
 with ThreadPoolExecutor(8) as pool:
     found = list(pool.map(lambda _: motion_for(machine), range(8)))
 places = {function._cache.cache_path for function in functions(found[0].butcher).values()}
-print(all(each is found[0] for each in found), all(place.startswith(_CACHE_DIRECTORY) for place in places), len(places))
-print(any(place.count(_CACHE_DIRECTORY[-16:]) > 1 for place in places))
+print(all(each is found[0] for each in found), all(place.startswith(CACHE_DIRECTORY) for place in places), len(places))
+print(any(place.count(CACHE_DIRECTORY[-16:]) > 1 for place in places))
 """
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     assert told == ["True", "True", "1", "False"]

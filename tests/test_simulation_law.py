@@ -7,10 +7,10 @@ from scipy import signal
 
 from hydroctl import load_actuator, plant
 from hydroctl.errors import InputError
+from hydroctl.scalar import tan
 from hydroctl.simulation import law
 from hydroctl.simulation.compiled import law_build
 from hydroctl.simulation.regulator import regulator_of
-from hydroctl.simulation.scalar import tan
 
 ROUNDING = 1e-12
 compiled = law_build("full")

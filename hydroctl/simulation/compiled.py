@@ -1,25 +1,19 @@
-"""The project's own equations, compiled with numba as they stand: the plant, its motion, its integration, the regulator law.
+"""The plant, its motion, its integration and the regulator law as compiled modules.
 
-The modules of a `Motion` and of a `Loop` hold the functions of the modules of these names, compiled when first called, with
-`scalar` in the place of numpy; the machine code is kept on disk. There are builds for machines without the effects in `absent`,
-and for schedules without those in `absent_law`.
+The modules of a `Motion` and of a `Loop` are compiled from the modules of these names. There are builds for machines without the
+effects in `absent`, and for schedules without those in `absent_law`.
 """
 
 from __future__ import annotations
 
-import hashlib
-import inspect
 from collections.abc import Sequence
-from contextlib import contextmanager
 from functools import cache
-from pathlib import Path
-from threading import RLock
-from types import FunctionType, ModuleType
-
-import numba
+from types import ModuleType
 
 from .. import plant as _plant
+from .. import scalar
 from ..actuator import Actuator
+from ..compiling import LOCK, compiled, functions
 from . import absent as _absent
 from . import absent_law as _absent_law
 from . import adaptive as _adaptive
@@ -32,63 +26,8 @@ from . import law as _law
 from . import motion as _motion
 from . import rodas as _rodas
 from . import sampled as _sampled
-from . import scalar
 from . import sensing as _sensing
 from .law import Regulator
-
-_HERE = Path(__file__).parent
-_SOURCES = (_plant, _absent, _absent_law, _adaptive, _butcher, _careful, _dormand_prince, _lanes, _law, _motion, _rodas, _sampled)
-_SOURCES += (_sensing, scalar)
-
-
-def _cache_directory() -> str:
-    """Where numba keeps machine code: a directory named after a hash of all the sources that enter a kernel.
-
-    numba renews a cached function when its own file changes, but not when a function that it calls does.
-    """
-    sources = [Path(__file__), *(Path(module.__file__) for module in _SOURCES)]
-    fingerprint = hashlib.sha256(b"\0".join(path.read_bytes() for path in sources)).hexdigest()[:16]
-    return str(Path(numba.config.CACHE_DIR or _HERE / "__pycache__") / fingerprint)
-
-
-_CACHE_DIRECTORY = _cache_directory()
-_LOCK = RLock()
-"""One thread at a time makes kernels: numba's cache directory is a global setting, and a kernel made twice is compiled twice."""
-
-
-@contextmanager
-def _own_cache():
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = _CACHE_DIRECTORY
-    try:
-        yield
-    finally:
-        numba.config.CACHE_DIR = before
-
-
-def compiled(module: ModuleType, build: str, **replaced) -> ModuleType:
-    """A module with the functions of `module`, compiled; each calls the compiled versions of the others.
-
-    `replaced`: what stands in the place of names in `module`. Every build has a name of its own, so that the machine code of one
-    is never taken for that of another. All are compiled into their callers, but for those that the module names in `CALLED`.
-    """
-    result = ModuleType(module.__name__, module.__doc__)
-    names = vars(result)
-    names.update({name: value for name, value in vars(module).items() if not name.startswith("__")}, np=scalar)
-    names.update(replaced)
-    for name, value in vars(module).items():
-        if inspect.isfunction(value) and value.__module__ == module.__name__ and name not in replaced:
-            rebound = FunctionType(value.__code__, names, name, value.__defaults__)
-            rebound.__qualname__ = f"{build}_{name}"
-            options = {"cache": True, "error_model": "numpy", "nogil": True, "forceinline": name not in names.get("CALLED", ())}
-            with _own_cache():
-                names[name] = numba.njit(rebound, **options)
-    return result
-
-
-def functions(module: ModuleType) -> dict:
-    """The compiled functions of a compiled module, by name."""
-    return {name: value for name, value in vars(module).items() if isinstance(value, numba.core.dispatcher.Dispatcher)}
 
 
 class Motion:
@@ -141,7 +80,7 @@ def _loop(motion: str, law: str) -> Loop:
 
 def motion_for(actuator: Actuator) -> Motion:
     """The kernels that integrate `actuator`: without the lines of effects that it does not have, where it has none of them."""
-    with _LOCK:
+    with LOCK:
         return motion_build(_motion_name([actuator]))
 
 
@@ -152,7 +91,7 @@ def loop_for(actuator: Actuator, regulator: Regulator) -> Loop:
 
 def loop_for_group(actuators: Sequence[Actuator], regulators: Sequence[Regulator]) -> Loop:
     """The kernels that run these regulators on these actuators, without the lines of what none of them uses."""
-    with _LOCK:
+    with LOCK:
         return _loop(_motion_name(actuators), _law_name(regulators))
 
 

@@ -1,4 +1,4 @@
-"""The numpy names that the plant and the regulator law use, compiled for single numbers and free of branches.
+"""The numpy names that compiled equations use, for single numbers and free of branches.
 
 In compiled code these take the place of numpy: `numpy.where` of three numbers would make an array on every call there, and
 a library call for the tangent would keep a loop over lanes from becoming vector code.
@@ -7,9 +7,25 @@ a library call for the tangent would keep a loop over lanes from becoming vector
 from __future__ import annotations
 
 from numba import njit
-from numpy import abs, ceil, floor, isfinite, sqrt
+from numpy import abs, arccos, cbrt, ceil, cos, floor, isfinite, sqrt
 
-__all__ = ["abs", "ceil", "copysign", "floor", "isfinite", "maximum", "minimum", "real", "sqrt", "tan", "where"]
+__all__ = [
+    "abs",
+    "arccos",
+    "cbrt",
+    "ceil",
+    "copysign",
+    "cos",
+    "floor",
+    "isfinite",
+    "maximum",
+    "minimum",
+    "real",
+    "signed_root",
+    "sqrt",
+    "tan",
+    "where",
+]
 
 
 @njit(error_model="numpy", forceinline=True)
