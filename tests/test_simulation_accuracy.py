@@ -19,12 +19,17 @@ BEFORE, AFTER = 3, 40
 
 
 def crude_schedule(actuator, loop):
-    """A slow, stable regulator from the machine's own scales: a crossover near a tenth of its bandwidth, notch, feed-forward."""
+    """A slow, stable regulator from the machine's own scales: a crossover near a tenth of its bandwidth, notch, feed-forward.
+
+    Through the resonance, 1/(2 zeta) high, a velocity loop's kp passes at most half.
+    """
+    slow = hc.linearize(actuator, hc.find_operating_points(actuator, [actuator.dead_band + 0.02], 0.5 * actuator.stroke)).poles()[0, 1]
+    damping = -slow.real / abs(slow)
     scale = scale_of(actuator, loop)
     speed, bandwidth = min(scale.extend_speed, scale.retract_speed), 1.0 / scale.time_constant
     spread = 1.0 + 0.1 * np.arange(12).reshape(4, 3) / 12
     if loop == "velocity":
-        gains = {"kp": 0.05 / speed * spread, "ki": 0.1 * bandwidth / speed * spread}
+        gains = {"kp": min(0.05, damping) / speed * spread, "ki": 0.1 * bandwidth / speed * spread}
     else:
         gains = {"kp": 0.1 * bandwidth / speed * spread, "ki": 1e-3 * bandwidth**2 / speed * spread}
     return schedule(
