@@ -14,6 +14,7 @@ from hydroctl.tuning.limits import Disc, circles
 from hydroctl.tuning.nodes import choose_nodes, mixing_matrix
 
 NOMINAL = hc.Specification(uncertainty="nominal", notch_damping=(0.2, 0.7))
+CORNERS = hc.Specification(notch_damping=(0.3, 0.8))
 STUDY = [
     ("velocity", "pi", 477, 71),
     ("velocity", "pid", 1771, 248),
@@ -51,7 +52,7 @@ def test_the_largest_proportional_gain_of_a_position_loop(reference):
 
 @pytest.mark.parametrize(("loop", "structure", "ki", "crossover"), CORNER_STUDY)
 def test_medians_over_the_grid_of_designs_for_the_corners(reference, loop, structure, ki, crossover):
-    schedule = hc.tune(reference, [-1.0, -0.1, 0.1, 1.0], [0.0, 0.25, 0.5], loop=loop, structure=structure)
+    schedule = hc.tune(reference, [-1.0, -0.1, 0.1, 1.0], [0.0, 0.25, 0.5], loop=loop, structure=structure, specification=CORNERS)
     nodes = check_margins(schedule, schedule.x, schedule.y)
     assert np.median(schedule.ki) >= 0.97 * ki
     assert np.median(nodes.margins.crossover[0]) >= 0.97 * crossover
@@ -149,7 +150,7 @@ def test_all_faults_of_the_nodes_are_told_at_once(reference):
 
 @pytest.mark.parametrize("verb", [hc.tune, hc.tune_fixed])
 def test_a_notch_beyond_the_nyquist_frequency_is_refused(reference, verb):
-    slow = hc.Specification(sample_time=8e-3, Tf=4e-3)
+    slow = hc.Specification(sample_time=8e-3, Tf=4e-3, notch_ratio=1.0)
     with pytest.raises(hc.InputError, match=r"sample_time = 0.008 s: a notch or lead at 5\d\d.* rad/s"):
         verb(reference, [0.1], [0.2], structure="pi+notch", specification=slow)
     assert verb(reference, [0.1], [0.2], structure="pi", specification=slow).margins.unstable == 0
