@@ -46,8 +46,8 @@ class Specification:
     notch_damping: tuple[float, float] | None = None
     """(zz, zp) of the notch; None: (0.12, 0.75) in a velocity loop and (0.2, 0.6) in a position loop"""
     notch_ratio: float | None = None
-    """notch frequency over the nominal plant's natural frequency; None: 1, but where `notch_damping` is None, too, at most 1.22 times
-    the lowest natural frequency of all plants"""
+    """notch frequency over the nominal plant's natural frequency; None: 1, but where `notch_damping` is None, too, at most 1.22
+    times the lowest natural frequency of all plants"""
     lead_lag: tuple[tuple[float, float], tuple[float, float]] = ((0.5, 3.0), (0.05, 0.02))
     """(zero, pole) of the two sections of a lead-lag structure, as multiples of the notch frequency; the first is that of a lead"""
     measurement_filter: float = 0.0

@@ -140,8 +140,8 @@ def task_of(actuator: Actuator, x, y, loop: str, structure: str, specification: 
 def _notch_settled(specification: Specification, loop: str, structure: str, plants: SampledFamily) -> Specification:
     """`specification` with what it leaves open of the notch of `structure`.
 
-    Above the natural frequency of a plant the notch turns the phase of its resonance towards -180 degrees: it must not stand far above
-    that of the softest and heaviest one, whose gain is the largest, too.
+    A notch above the natural frequency of a plant turns the phase of its resonance towards -180 degrees: it must not stand far
+    above that of the softest and heaviest one, where the gain is largest, too.
     """
     if "notch" not in structure:
         return specification
