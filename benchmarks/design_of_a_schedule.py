@@ -31,8 +31,8 @@ def rows(*, smallest: bool) -> list[Row]:
     y = np.linspace(0.0, 0.5, 2 if smallest else 10)
     _, plants = sampled_plants(actuator, x, y, "velocity", specification)
     first = plants.shape[1] * plants.shape[2] * np.arange(plants.shape[0])
-    point = _Point(plants.take(first), specification)
     best = hc.tune(actuator, x, y, structure=_STRUCTURE)
+    point = _Point(plants.take(first), best.specification)
 
     def tuned():
         schedule = hc.tune(actuator, x, y, structure=_STRUCTURE)
@@ -57,9 +57,8 @@ class _Point:
     def __init__(self, plants: SampledFamily, specification: hc.Specification):
         self.plants, self.specification = plants, specification
         self.omega = frequency_grid(plants)
-        self.unit = Regulators(
-            specification.sample_time, *np.zeros((3, 1)), plants.resonance[:1, 0], specification.Tf, *specification.notch_damping
-        )
+        notch = specification.notch_ratio * plants.resonance[:1, 0]
+        self.unit = Regulators(specification.sample_time, *np.zeros((3, 1)), notch, specification.Tf, *specification.notch_damping)
         self.terms = plants.frequency_response(self.omega)[..., None] * self.unit.terms(self.omega)[..., :2]
         self.scale = 1.0 / np.median(np.abs(self.terms), axis=(0, 1))
 

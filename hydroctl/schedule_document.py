@@ -251,6 +251,8 @@ class Design(_Part):
     phase_margin: Angle | None
     high_frequency_gain: Gain | None
     min_crossover: Frequency | None
+    notch_ratio: Positive = 1.0
+    """notch frequency over the natural frequency of the nominal plant, as designed; left out of the file where it is 1"""
     uncertainty: str | dict[str, tuple[Positive, Positive]]
     achieved: Margins
 
@@ -312,8 +314,14 @@ class Document(_Part):
 
 def fingerprint(document: Document) -> str:
     """What `document.fingerprint` must be."""
-    content = document.model_dump(by_alias=True, mode="json", exclude={"fingerprint"})
+    content = _content(document)
+    del content["fingerprint"]
     return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False).encode()).hexdigest()
+
+
+def _content(document: Document) -> dict:
+    """What is written; a part of the default value is left out, so that files from before it are as they were."""
+    return document.model_dump(by_alias=True, mode="json", exclude_defaults=True)
 
 
 def json_schema() -> str:
@@ -324,7 +332,7 @@ def json_schema() -> str:
 
 def write(document: Document, path: str | Path) -> Path:
     """Write `document` atomically; floats are written so that they read back to the same bits."""
-    text = json.dumps(document.model_dump(by_alias=True, mode="json"), indent=1, allow_nan=False, ensure_ascii=False)
+    text = json.dumps(_content(document), indent=1, allow_nan=False, ensure_ascii=False)
     return write_file(path, (text + "\n").encode())
 
 

@@ -58,6 +58,7 @@ def document_of(schedule, failed_checks: tuple[str, ...] = ()) -> schedule_docum
         phase_margin=_optional(d.Angle, specification.phase_margin, "rad"),
         min_crossover=_optional(d.Frequency, specification.min_crossover, "rad/s"),
         high_frequency_gain=_optional(d.Gain, specification.high_frequency_gain, units["kp"]),
+        notch_ratio=float(specification.notch_ratio or 1.0),
         uncertainty=uncertainty if isinstance(uncertainty, str) else dict(uncertainty),
         achieved=d.Margins(**{name: _achieved(schedule.margins.worst(name), unit) for name, unit in MARGIN_UNITS.items()}),
     )
@@ -242,7 +243,7 @@ def _specification(document: schedule_document.Document) -> Specification:
         **{name: None if (limit := getattr(design, name)) is None else limit.value for name in _OPTIONAL_LIMITS},
         uncertainty=design.uncertainty,
         Tf=controller.derivative_filter_time.value,
-        notch_damping=(controller.notch_zero_damping, controller.notch_pole_damping) if "notch" in document.structure else None,
+        **_notch(document),
         lead_lag=sections + Specification.lead_lag[len(sections) :],
         measurement_filter=controller.measurement_filter_time.value,
         derivative_on=next(on for on, text in _ON.items() if text == controller.derivative),
@@ -250,6 +251,14 @@ def _specification(document: schedule_document.Document) -> Specification:
         pressure_compensation=controller.pressure_compensation is not None,
         dead_band_inverse=controller.dead_band_inverse,
     )
+
+
+def _notch(document: schedule_document.Document) -> dict:
+    if "notch" not in document.structure:
+        return {}
+    controller = document.controller
+    damping = controller.notch_zero_damping, controller.notch_pole_damping
+    return {"notch_damping": damping, "notch_ratio": document.design.notch_ratio}
 
 
 def _pressure_drops(given: schedule_document.PressureCompensation | None) -> np.ndarray | None:

@@ -44,7 +44,10 @@ class Specification:
     Tf: float = 5e-4
     """derivative filter time in s"""
     notch_damping: tuple[float, float] | None = None
-    """(zz, zp) of the notch; by default (0.2, 0.8) for the nominal plant alone and (0.3, 0.8) over an uncertainty"""
+    """(zz, zp) of the notch; None: (0.12, 0.75) in a velocity loop and (0.2, 0.6) in a position loop"""
+    notch_ratio: float | None = None
+    """notch frequency over the nominal plant's natural frequency; None: 1, but where `notch_damping` is None, too, at most 1.22
+    times the lowest natural frequency of all plants"""
     lead_lag: tuple[tuple[float, float], tuple[float, float]] = ((0.5, 3.0), (0.05, 0.02))
     """(zero, pole) of the two sections of a lead-lag structure, as multiples of the notch frequency; the first is that of a lead"""
     measurement_filter: float = 0.0
@@ -73,12 +76,10 @@ class Specification:
         faults += _law_faults(self)
         if faults:
             raise InputError(faults)
-        if self.notch_damping is None:
-            object.__setattr__(self, "notch_damping", (0.2 if self.uncertainty == "nominal" else 0.3, 0.8))
 
 
 _ABOVE = {"sample_time": 0.0, "Ms": 1.0, "Mt": 1.0, "Tf": 0.0}
-_ABOVE_IF_GIVEN = {"gain_margin": 1.0, "phase_margin": 0.0, "high_frequency_gain": 0.0, "min_crossover": 0.0}
+_ABOVE_IF_GIVEN = {"gain_margin": 1.0, "phase_margin": 0.0, "high_frequency_gain": 0.0, "min_crossover": 0.0, "notch_ratio": 0.0}
 
 
 def _is_number(value: object) -> bool:

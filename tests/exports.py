@@ -25,13 +25,13 @@ def exported(loop="velocity", structure="pi+notch", *, scale=1.0, actuator=REFER
     x, y = np.array([-1.0, -0.1, 0.1, 1.0]), np.array([0.0, 0.2, 0.5])
     spread = scale * (1.0 + 0.01 * np.arange(12).reshape(4, 3))
     kp, ki, kd = (0.8, 300.0, 4e-4) if loop == "velocity" else (40.0, 900.0, 0.02)
-    notch, sections = "notch" in structure, {"lead-lag": 2, "lead": 1}
+    notch, sections = {"notch_damping": (0.2, 0.8), "notch_ratio": 0.9} if "notch" in structure else {}, {"lead-lag": 2, "lead": 1}
     count = next((n for name, n in sections.items() if name in structure), 0)
     gains = structure.split("+")[0]
     drops = np.array([[2.2e7, 2.9e7], [2.8e7, 2.0e7]]) if settings.get("pressure_compensation") else None
     return GainSchedule(
         actuator=actuator,
-        specification=hc.Specification(uncertainty="nominal", Ms=50.0, Mt=50.0, **settings),
+        specification=hc.Specification(uncertainty="nominal", Ms=50.0, Mt=50.0, **notch, **settings),
         loop=loop,
         structure=structure,
         x=x,

@@ -85,7 +85,7 @@ def test_every_setting_of_the_law_reads_back(reference, tmp_path):
         "pressure_compensation": True,
         "dead_band_inverse": 0.85,
     }
-    asked = hc.Specification(uncertainty="nominal", **settings)
+    asked = hc.Specification(uncertainty="nominal", notch_damping=(0.25, 0.7), notch_ratio=0.95, **settings)
     made = hc.tune(machine, [-0.5, 0.5], [0.2], structure="pid+lead+notch", specification=asked)
     again = hc.load_schedule(made.save(tmp_path / "schedule.json"))
     assert again.specification == asked

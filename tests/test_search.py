@@ -9,15 +9,16 @@ import hydroctl as hc
 from hydroctl.coupling import check_coupling
 
 AT = [0.1], [0.25]
+STUDY = hc.Specification(notch_damping=(0.3, 0.8))
 
 
 @pytest.fixture(scope="module")
 def found(reference):
-    return hc.tune_search(reference, *AT, structure="pi+notch")
+    return hc.tune_search(reference, *AT, structure="pi+notch", specification=STUDY)
 
 
 def test_a_searched_notch_beats_the_fixed_one_within_the_same_limits(reference, found):
-    plain = hc.tune(reference, *AT, structure="pi+notch")
+    plain = hc.tune(reference, *AT, structure="pi+notch", specification=STUDY)
     assert found.improvement == pytest.approx(found.schedule.ki.item() / plain.ki.item(), rel=1e-9)
     assert found.improvement > 1.5
     assert found.schedule.margins.worst("Ms").value <= 1.6 * 1.0001

@@ -14,6 +14,8 @@ from hydroctl.tuning.limits import Disc, circles
 from hydroctl.tuning.nodes import choose_nodes, mixing_matrix
 
 NOMINAL = hc.Specification(uncertainty="nominal", notch_damping=(0.2, 0.7))
+CORNERS = hc.Specification(notch_damping=(0.3, 0.8))
+AT = [0.1], [0.25]
 STUDY = [
     ("velocity", "pi", 477, 71),
     ("velocity", "pid", 1771, 248),
@@ -51,7 +53,7 @@ def test_the_largest_proportional_gain_of_a_position_loop(reference):
 
 @pytest.mark.parametrize(("loop", "structure", "ki", "crossover"), CORNER_STUDY)
 def test_medians_over_the_grid_of_designs_for_the_corners(reference, loop, structure, ki, crossover):
-    schedule = hc.tune(reference, [-1.0, -0.1, 0.1, 1.0], [0.0, 0.25, 0.5], loop=loop, structure=structure)
+    schedule = hc.tune(reference, [-1.0, -0.1, 0.1, 1.0], [0.0, 0.25, 0.5], loop=loop, structure=structure, specification=CORNERS)
     nodes = check_margins(schedule, schedule.x, schedule.y)
     assert np.median(schedule.ki) >= 0.97 * ki
     assert np.median(nodes.margins.crossover[0]) >= 0.97 * crossover
@@ -147,9 +149,28 @@ def test_all_faults_of_the_nodes_are_told_at_once(reference):
     assert len(caught.value.faults) == 3
 
 
+def test_a_notch_that_is_left_open_stands_at_most_a_fifth_above_the_softest_plant(reference):
+    """The natural frequency goes with sqrt(bulk modulus/mass): factors 0.7 and 1.5 in the softest corner, 1 and 1.5 alone."""
+    for uncertainty, softest in (("corners", (0.7 / 1.5) ** 0.5), ("one-at-a-time", 1.5**-0.5), ("nominal", 1.0)):
+        schedule = hc.tune(reference, *AT, structure="pi+notch", specification=hc.Specification(uncertainty=uncertainty))
+        assert schedule.specification.notch_ratio == pytest.approx(min(1.0, 1.22 * softest), rel=2e-3)
+        stated = hc.Specification(uncertainty=uncertainty, notch_damping=(0.2, 0.8))
+        assert hc.tune(reference, *AT, structure="pi+notch", specification=stated).specification.notch_ratio == 1.0
+
+
+@pytest.mark.parametrize(("loop", "least"), [("velocity", 1.15), ("position", 1.03)])
+def test_a_notch_that_is_left_open_allows_more_gain_over_the_corners_than_the_studys(reference, loop, least):
+    open_notch, study = (
+        hc.tune(reference, [-1.0, -0.1, 0.1, 1.0], [0.0, 0.25, 0.5], loop=loop, structure="pi+notch", specification=each)
+        for each in (hc.Specification(), CORNERS)
+    )
+    assert np.median(open_notch.ki) >= least * np.median(study.ki)
+    assert open_notch.margins.worst("Ms").value <= 1.62
+
+
 @pytest.mark.parametrize("verb", [hc.tune, hc.tune_fixed])
 def test_a_notch_beyond_the_nyquist_frequency_is_refused(reference, verb):
-    slow = hc.Specification(sample_time=8e-3, Tf=4e-3)
+    slow = hc.Specification(sample_time=8e-3, Tf=4e-3, notch_ratio=1.0)
     with pytest.raises(hc.InputError, match=r"sample_time = 0.008 s: a notch or lead at 5\d\d.* rad/s"):
         verb(reference, [0.1], [0.2], structure="pi+notch", specification=slow)
     assert verb(reference, [0.1], [0.2], structure="pi", specification=slow).margins.unstable == 0

@@ -265,6 +265,7 @@ def test_rivals_of_a_schedule_are_its_plainer_fellows_tuned_to_the_same_limits()
     assert not found["P"].ki.any()
     assert found["fixed"].kp.size == 1
     assert found["fixed"].structure == found["scheduled"].structure == "pi+notch"
+    assert found["fixed"].specification == found["scheduled"].specification, "the notch, too, is that of the schedule"
     for given in found.values():
         assert given.margins.worst("Ms", where=given.margins.designed).value <= 1.6 * (1 + 1e-3)
     asked = [scenario for scenario in step_scenarios(ACTUATOR, "velocity") if scenario.kind == "step"][:2]

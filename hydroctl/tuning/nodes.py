@@ -6,7 +6,7 @@ import numpy as np
 
 from ..schedule import interpolation
 
-_LARGEST_DEVIATION = 0.01
+_LARGEST_DEVIATION = 0.003
 _MANY_X, _MANY_Y = 5, 17
 
 
@@ -34,7 +34,7 @@ def _thinned(indices: np.ndarray, many: int) -> np.ndarray:
 
 
 def choose_nodes(x: np.ndarray, y: np.ndarray, best: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Indices into x and into y of the nodes from which `best` (x.size, y.size) interpolates to 1 % everywhere.
+    """Indices into x and into y of the nodes from which `best` (x.size, y.size) interpolates to 0.3 % everywhere.
 
     Starts from the ends of the stroke and of each side of x, and adds the row or column that lowers the largest deviation most.
     """

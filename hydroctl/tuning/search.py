@@ -73,7 +73,7 @@ def tune_search(
         trials.append((settings, found))
         return found
 
-    highest = _BELOW_NYQUIST * np.pi / (task.specification.sample_time * task.notch_frequency.max())
+    highest = _BELOW_NYQUIST * np.pi / (task.specification.sample_time * task.plants.resonance[0, ..., 0].max())
     best = _best_settings(own, highest, score)
     schedule, plain = schedule_for(_with(task, best)), schedule_for(task)
     improvement = _mean(task, schedule) / _mean(task, plain)
@@ -86,7 +86,7 @@ def _settings(task: Task) -> dict[str, float]:
     """The settings of the specification that the structure uses."""
     specification, found = task.specification, {}
     if "notch" in task.structure:
-        found |= {"notch_ratio": task.notch_ratio, **dict(zip(("zz", "zp"), specification.notch_damping, strict=True))}
+        found |= {"notch_ratio": specification.notch_ratio, **dict(zip(("zz", "zp"), specification.notch_damping, strict=True))}
     if section_count(task.structure):
         found |= dict(zip(("zero", "pole"), specification.lead_lag[0], strict=True))
     if "kd" in [GAINS[i] for i in task.used]:
@@ -98,12 +98,12 @@ def _with(task: Task, settings: dict[str, float]) -> Task:
     """The task with other settings; those that are not named stay."""
     s = _settings(task) | settings
     specification = task.specification
-    changed = {"Tf": s.get("Tf", specification.Tf)}
+    changed = {name: s[name] for name in ("Tf", "notch_ratio") if name in s}
     if "zz" in s:
         changed["notch_damping"] = (s["zz"], s["zp"])
     if "zero" in s:
         changed["lead_lag"] = ((s["zero"], s["pole"]), *specification.lead_lag[1:])
-    return replace(task, specification=replace(specification, **changed), notch_ratio=s.get("notch_ratio", task.notch_ratio))
+    return replace(task, specification=replace(specification, **changed))
 
 
 def _spread(size: int) -> np.ndarray:

@@ -27,7 +27,7 @@ def tune(
     """The gain schedule that keeps every limit at all points x (nx,) by y (ny,) in m, on all plants of the specification.
 
     Each point on its own would allow a largest integral gain (for "p" a largest kp). The nodes are the fewest of the points (of
-    every second one, where there are many) between which these gains interpolate to 1 %; the gains at the nodes are then found
+    every second one, where there are many) between which these gains interpolate to 0.3 %; the gains at the nodes are then found
     together, so that the interpolated ones keep the limits at every point. Half-way between the points Ms, Mt and a phase margin
     (rad) may miss their limits by 0.02, a gain margin by 2 %; where they miss more, these places become points too.
 

@@ -19,6 +19,9 @@ _OPENINGS = np.array([_SMALLEST_FLOW, 0.06, 0.15, 0.4, 1.0])
 _POSITIONS = (9, 25)
 _RATIO_STEP = 0.2
 _FINE = 2001
+_NOTCH_DAMPING = {"velocity": (0.12, 0.75), "position": (0.2, 0.6)}
+_NOTCH_REACH = 1.22
+"""notch frequency over the lowest natural frequency of all plants: the most by default"""
 
 
 def default_points(actuator: Actuator) -> tuple[np.ndarray, np.ndarray]:
@@ -46,8 +49,6 @@ class Task:
     y: np.ndarray
     labels: tuple[str, ...]
     plants: SampledFamily
-    notch_ratio: float = 1.0
-    """where notch and sections stand, over the plant's natural frequency"""
 
     def part(self, rows, columns) -> Task:
         """The same task at some of the points."""
@@ -67,7 +68,7 @@ class Task:
     @property
     def notch_frequency(self) -> np.ndarray:
         """(nx, ny) rad/s: where notch and sections stand, in proportion to the natural frequency of the nominal plant."""
-        return self.notch_ratio * self.plants.resonance[0, ..., 0]
+        return (self.specification.notch_ratio or 1.0) * self.plants.resonance[0, ..., 0]
 
     @property
     def used(self) -> list[int]:
@@ -125,14 +126,30 @@ def task_of(actuator: Actuator, x, y, loop: str, structure: str, specification: 
         raise InputError(faults)
     x, y = (np.atleast_1d(np.asarray(values, dtype=float)) for values in (x, y))
     labels, plants = sampled_plants(actuator, x, y, loop, specification)
+    specification = _notch_settled(specification, loop, structure, plants)
     task = Task(actuator, specification, loop, structure, x, y, tuple(labels), plants)
     highest = task.notch_frequency.max()
     if ("notch" in structure or section_count(structure)) and highest >= np.pi / specification.sample_time:
         raise InputError(
-            f"sample_time = {specification.sample_time:g} s: a notch or lead at {highest:.4g} rad/s, the plant's natural "
-            f"frequency, needs one below {np.pi / highest:.3g} s. Sample faster or choose a structure without."
+            f"sample_time = {specification.sample_time:g} s: a notch or lead at {highest:.4g} rad/s, where the plant's "
+            f"natural frequency puts it, needs one below {np.pi / highest:.3g} s. Sample faster or choose a structure without."
         )
     return task
+
+
+def _notch_settled(specification: Specification, loop: str, structure: str, plants: SampledFamily) -> Specification:
+    """`specification` with what it leaves open of the notch of `structure`.
+
+    A notch above the natural frequency of a plant turns the phase of its resonance towards -180 degrees: it must not stand far
+    above that of the softest and heaviest one, where the gain is largest, too.
+    """
+    if "notch" not in structure:
+        return specification
+    ratio, resonance = specification.notch_ratio, plants.resonance[..., 0]
+    if ratio is None:
+        reach = _NOTCH_REACH * float((resonance / resonance[0]).min()) if specification.notch_damping is None else 1.0
+        ratio = min(1.0, reach)
+    return replace(specification, notch_damping=specification.notch_damping or _NOTCH_DAMPING[loop], notch_ratio=ratio)
 
 
 def _points_fault(name: str, values) -> str | None:
