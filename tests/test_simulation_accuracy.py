@@ -23,8 +23,9 @@ def crude_schedule(actuator, loop):
 
     Through the resonance, 1/(2 zeta) high, a velocity loop's kp passes at most half.
     """
-    slow = hc.linearize(actuator, hc.find_operating_points(actuator, [actuator.dead_band + 0.02], 0.5 * actuator.stroke)).poles()[0, 1]
-    damping = -slow.real / abs(slow)
+    slowest = hc.find_operating_points(actuator, [actuator.dead_band + 0.02], 0.5 * actuator.stroke)
+    resonance = hc.linearize(actuator, slowest).poles()[0, 1]
+    damping = -resonance.real / abs(resonance)
     scale = scale_of(actuator, loop)
     speed, bandwidth = min(scale.extend_speed, scale.retract_speed), 1.0 / scale.time_constant
     spread = 1.0 + 0.1 * np.arange(12).reshape(4, 3) / 12

@@ -11,7 +11,7 @@ from math import inf, nan
 from . import dormand_prince as method
 from .motion import sizes, told
 
-_SAFETY, _SHRINK, _GROW = 0.9, 0.2, 5.0
+_SAFETY, _SHRINK, _GROW = 0.85, 0.2, 5.0
 _SMALLEST = 1e-13
 _SMALL = 1e-2
 """The part of its range below which the error of a state is absolute"""
@@ -66,8 +66,8 @@ def _between(theta, z, new, r, s, q):
     return z + theta * (new - z + rest * (r + theta * (s + rest * q)))
 
 
-def _write_dense(out, first, last, t, t0, h, z, new, dense):
-    """The dense output of the step from t0, at the samples first ... last - 1."""
+def _write_dense(out, first, last, t, t0, h, z, new, dense, ideal):
+    """The dense output of the step from t0, at the samples first ... last - 1; the spool of an `ideal` valve stands still."""
     r, s, q = dense
     for k in range(first, last):
         theta = (t[k] - t0) / h
@@ -75,8 +75,11 @@ def _write_dense(out, first, last, t, t0, h, z, new, dense):
         out[1, k] = _between(theta, z[1], new[1], r[1], s[1], q[1])
         out[2, k] = _between(theta, z[2], new[2], r[2], s[2], q[2])
         out[3, k] = _between(theta, z[3], new[3], r[3], s[3], q[3])
-        out[4, k] = _between(theta, z[4], new[4], r[4], s[4], q[4])
-        out[5, k] = _between(theta, z[5], new[5], r[5], s[5], q[5])
+        if ideal:
+            out[4, k], out[5, k] = z[4], z[5]
+        else:
+            out[4, k] = _between(theta, z[4], new[4], r[4], s[4], q[4])
+            out[5, k] = _between(theta, z[5], new[5], r[5], s[5], q[5])
 
 
 def integrate(t, x, load, initial, p, rtol, most_steps, out):
@@ -85,10 +88,10 @@ def integrate(t, x, load, initial, p, rtol, most_steps, out):
     Starts anew where x or the load changes. Returns (number of steps, time reached); the time is below t[-1] where the step length
     or `most_steps` ran out.
     """
-    scales = _small_sizes(p)
+    scales, ideal = _small_sizes(p), p.valve_natural_frequency == 0.0
     z = told(initial, x[0], p)
     out[0, 0], out[1, 0], out[2, 0], out[3, 0], out[4, 0], out[5, 0] = z
-    steps, segment, h = 0, 0, t[-1] - t[0]
+    steps, segment, h, growth = 0, 0, t[-1] - t[0], 1.0
     while segment < t.size - 1:
         end = segment + 1
         while end < t.size - 1 and x[end] == x[segment] and load[end] == load[segment]:
@@ -107,11 +110,12 @@ def integrate(t, x, load, initial, p, rtol, most_steps, out):
                 last = written
                 while last <= end and t[last] <= reached:
                     last += 1
-                _write_dense(out, written, last, t, now, length, z, new, dense)
+                _write_dense(out, written, last, t, now, length, z, new, dense, ideal)
                 now, written, z, start = reached, last, new, slope
-            factor = _factor(size)
-            if not final or size > 1.0 or factor < 1.0:
-                h = length * factor
+                if not final:  # the length follows the error one step late: the next step can begin before the error is known
+                    h, growth = length * growth, _factor(size)
+            else:
+                h, growth = length * _factor(size), 1.0
             if h <= _SMALLEST * (t[-1] - t[0]) or steps >= most_steps:
                 return steps, now
         segment = end

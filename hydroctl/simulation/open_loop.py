@@ -51,7 +51,7 @@ def _checked(t, x, load_force, rtol) -> tuple[np.ndarray, np.ndarray, np.ndarray
             arrays.append(np.array(value, dtype=float))
         except (TypeError, ValueError):
             raise InputError(f"{name} is not a number or an array of numbers.") from None
-        if arrays[-1].size and not np.isfinite((arrays[-1].min(), arrays[-1].max())).all():
+        if not np.isfinite(arrays[-1]).all():
             faults.append(f"{name} holds a value that is not finite; remove it.")
     t, x, load, _ = arrays
     if t.ndim != 1 or t.size < 2 or not np.diff(t).min() > 0.0:

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..actuator import Actuator
+from ..equilibrium import stall_forces
 from ..errors import InputError, SimulationError
-from ..operating_point import stall_force
 from ..plant import Parameters, parameters
 
 
@@ -67,10 +67,9 @@ class Trajectory:
 def require_motion(actuator: Actuator, trajectory: Trajectory) -> Trajectory:
     """The trajectory itself; SimulationError where it holds no physical motion: numbers overflow or a chamber has no volume."""
     y, lowest, highest = trajectory.y, -actuator.volume_a / actuator.area_a, actuator.volume_b / actuator.area_b
+    if np.isfinite(trajectory.final).all() and lowest < y.min() and y.max() < highest:  # what is no number stays none to the end
+        return trajectory
     with np.errstate(invalid="ignore", over="ignore"):
-        finite = np.isfinite(trajectory.v.sum() + trajectory.p_a.sum() + trajectory.p_b.sum())
-        if finite and lowest < y.min() and y.max() < highest:
-            return trajectory
         sound = np.isfinite(trajectory.v + trajectory.p_a + trajectory.p_b) & (lowest < y) & (y < highest)
     raise SimulationError(
         f"The motion has no meaning from t = {trajectory.t[np.argmin(sound)]:g} s on: the piston has used up a chamber beyond its "
@@ -88,7 +87,7 @@ def rest_state(actuator: Actuator, y: float | None = None, *, load_force: float 
         y, load = actuator.stroke / 2.0 if y is None else float(y), actuator.load_force + float(load_force)
     except (TypeError, ValueError):
         raise InputError(f"y = {y!r} and load_force = {load_force!r} must be single numbers, in m and N.") from None
-    highest, lowest = (float(stall_force(actuator, side)) for side in (1.0, -1.0))
+    lowest, highest = stall_forces(parameters(actuator))
     faults = []
     if not 0.0 <= y <= actuator.stroke:
         faults.append(f"y = {y:g} m is outside the stroke; give 0 to {actuator.stroke:g} m.")
