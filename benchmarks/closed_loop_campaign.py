@@ -55,17 +55,24 @@ def rows(*, smallest: bool) -> list[Row]:
 
     def run_campaign(substeps, **where):
         campaign(actuator, schedule, count=count, chunk_size=max(32, count // 4), seed=1, substeps=substeps, **where, **given)
+        return substeps
+
+    def replayed_error(substeps):
         return error(replay(actuator, schedule, 1 << 32, substeps=substeps, **given)[2].y)
 
     contenders = [
         *(
             Contender(
-                f"python-control, {sample.__name__}, one scenario",
-                lambda sample=sample: error(peers.by_control(schedule, scenario, start, slope, sample)),
+                f"python-control in {name}, one scenario",
+                lambda sample=sample, pid=pid: peers.by_control(schedule, scenario, start, slope, sample, pid(schedule)),
+                error,
             )
-            for sample in (peers.arrays, peers.floats)
+            for name, sample, pid in (
+                ("NumPy", peers.arrays, peers.NumPyPID),
+                ("plain floats", peers.floats, PlainPID),
+            )
         ),
-        Contender("scipy RK45 per sample, one scenario", lambda: error(closed_loop(lambda z, x: exact(z, x, "RK45", 1e-6, 1e-6)))),
+        Contender("scipy RK45 per sample, one scenario", lambda: closed_loop(lambda z, x: exact(z, x, "RK45", 1e-6, 1e-6)), error),
         *peers.contenders(_machines(actuator, schedule, count, given), schedule, scenario, error),
     ]
     needed = int(trajectory.integrator.split()[2])
@@ -80,7 +87,7 @@ def rows(*, smallest: bool) -> list[Row]:
             limit = samples * substeps * _STAGES * bound
             note = f"bound {1e6 * limit:.3g} us" if label == "one thread" else ""
             contenders.append(
-                Contender(name, lambda s=substeps, w=where: run_campaign(s, **w), units=count, clock=clock, note=note)
+                Contender(name, lambda s=substeps, w=where: run_campaign(s, **w), replayed_error, count, clock=clock, note=note)
             )
     return compare("J3", contenders, 1 if smallest else 5)
 

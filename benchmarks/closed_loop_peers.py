@@ -117,11 +117,20 @@ def advance(plant, z, x, Ts, where, root):
     return z
 
 
-def by_control(schedule: SimpleNamespace, scenario: Scenario, start, slope, sample):
-    """python-control: one discrete-time system that holds `PlainPID` and the plant, with `slope(z, x)` of floats; one case."""
-    import control
+class NumPyPID(PlainPID):
+    """`PlainPID` that looks up its gains with NumPy, as most users write it."""
 
-    pid = PlainPID(schedule)
+    def __init__(self, schedule: SimpleNamespace):
+        super().__init__(schedule)
+        self.law = law_of(schedule)
+
+    def _gains(self, y):
+        return gains_of_arrays(self.law, self.x, y, np)
+
+
+def by_control(schedule: SimpleNamespace, scenario: Scenario, start, slope, sample, pid: PlainPID):
+    """python-control: one discrete-time system that holds `pid` and the plant, with `slope(z, x)` of floats; one case."""
+    import control
 
     def update(t, state, inputs, params):
         command = pid.command(*inputs.tolist(), float(state[3]))

@@ -13,6 +13,9 @@ from importlib import metadata
 from importlib.util import find_spec
 from typing import Any
 
+_REST = 0.1
+"""s before each turn, in which threads of the contender before stop spinning: their processor time would count for this one"""
+
 
 @dataclass(frozen=True)
 class Row:
@@ -57,6 +60,7 @@ def compare(job: str, contenders: list[Contender], repeats: int) -> list[Row]:
     times = [[] for _ in present]
     for _ in range(repeats):
         for contender, row in zip(present, times, strict=True):
+            time.sleep(_REST)
             start = contender.clock()
             contender.run()
             row.append((contender.clock() - start) / contender.units)
