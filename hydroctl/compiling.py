@@ -18,7 +18,7 @@ import numba
 from . import scalar
 
 _HERE = Path(__file__).parent
-_SOURCES = ("compiling.py", "scalar.py", "plant.py", "equilibrium.py", "polynomials.py", "simulation/*.py")
+_SOURCES = ("compiling.py", "scalar.py", "plant.py", "equilibrium.py", "polynomials.py", "transfer_function.py", "simulation/*.py")
 
 
 def _cache_directory() -> str:

@@ -24,6 +24,7 @@ from . import plant
 from .errors import InputError, OperatingPointError, unknown_name
 from .operating_point import OperatingPoints
 from .polynomials import cubic_roots
+from .transfer_function import coefficients
 
 if TYPE_CHECKING:
     import control
@@ -61,15 +62,19 @@ class LinearFamily:
         """The shape of the grid of operating points."""
         return self.points.shape
 
-    @cached_property
+    @property
     def numerator(self) -> np.ndarray:
         """(..., 2): n1, n0 of v/x(s)."""
-        return _numerator(self.A, self.B)
+        return self._coefficients[0]
 
-    @cached_property
+    @property
     def denominator(self) -> np.ndarray:
         """(..., 4): 1, d2, d1, d0 of v/x(s)."""
-        return _denominator(self.A)
+        return self._coefficients[1]
+
+    @cached_property
+    def _coefficients(self) -> tuple[np.ndarray, np.ndarray]:
+        return coefficients(self.A, self.B)
 
     def poles(self) -> np.ndarray:
         """(..., 3) complex, rad/s: first the real pole nearest the zero (the one that nearly cancels), then the other two."""
@@ -122,7 +127,7 @@ class LinearModel:
         """v/x(s), from the closed-form coefficients: one zero, three poles, no spurious terms."""
         import control
 
-        return control.tf(_numerator(self.A, self.B), _denominator(self.A), inputs=["x"], outputs=["v"])
+        return control.tf(*coefficients(self.A, self.B), inputs=["x"], outputs=["v"])
 
 
 def linearize(actuator: Actuator, points: OperatingPoints, *, form: Literal["tangent", "secant"] = "tangent") -> LinearFamily:
@@ -154,33 +159,3 @@ def linearize(actuator: Actuator, points: OperatingPoints, *, form: Literal["tan
 def _compact(values: np.ndarray) -> np.ndarray:
     """The same values with length 1 along every axis on which they are broadcast."""
     return values[tuple(slice(0, 1) if stride == 0 else slice(None) for stride in values.strides)]
-
-
-def _numerator(A: np.ndarray, B: np.ndarray) -> np.ndarray:
-    a, b_a, b_b = _entries(A), B[..., 0, 0], B[..., 1, 0]
-    coefficients = np.empty((2, *b_a.shape))
-    np.add(a[2, 0] * b_a, a[2, 1] * b_b, out=coefficients[0, ...])
-    np.add(
-        a[2, 0] * (a[0, 1] * b_b - a[1, 1] * b_a),
-        a[2, 1] * (a[1, 0] * b_a - a[0, 0] * b_b),
-        out=coefficients[1, ...],
-    )
-    return coefficients.transpose(*range(1, coefficients.ndim), 0)
-
-
-def _denominator(A: np.ndarray) -> np.ndarray:
-    a = _entries(A)
-    minor_a, minor_b = a[1, 1] * a[2, 2] - a[1, 2] * a[2, 1], a[0, 0] * a[2, 2] - a[0, 2] * a[2, 0]
-    minor_v = a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0]
-    coefficients = np.empty((4, *minor_v.shape))
-    coefficients[0] = 1.0
-    coefficients[1] = -(a[0, 0] + a[1, 1] + a[2, 2])
-    coefficients[2] = minor_a + minor_b + minor_v
-    coefficients[3] = (
-        a[0, 1] * (a[1, 0] * a[2, 2] - a[1, 2] * a[2, 0]) - a[0, 2] * (a[1, 0] * a[2, 1] - a[1, 1] * a[2, 0]) - a[0, 0] * minor_a
-    )
-    return coefficients.transpose(*range(1, coefficients.ndim), 0)
-
-
-def _entries(A: np.ndarray) -> np.ndarray:
-    return A.transpose(A.ndim - 2, A.ndim - 1, *range(A.ndim - 2))

@@ -13,7 +13,7 @@ PACKAGE = Path(hydroctl.__file__).parent
 LAYERS = (
     ("errors", "scalar"),
     ("compiling",),
-    ("units", "polynomials", "files", "schedule_versions", "forms", "recursion", "region"),
+    ("units", "polynomials", "transfer_function", "files", "schedule_versions", "forms", "recursion", "region"),
     ("actuator", "second_order"),
     ("datasheet", "plant", "bases", "records"),
     ("equilibrium",),
