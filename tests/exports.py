@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from plain import butcher, law, motion
+from plain import law, motion, runge_kutta
 
 import hydroctl as hc
 from hydroctl import plant
@@ -111,7 +111,7 @@ def closed_loop(schedules, samples: int, seed: int = 1):
         memory = law.sample(inputs[0], inputs[1], inputs[2:], memory, regulators[which])
         answers.append(float(memory.x))
         z = motion.told(z, answers[-1], p)
-        z = butcher.step(z, answers[-1], load, p, schedules[0].Ts)
+        z = runge_kutta.step(z, answers[-1], load, p, schedules[0].Ts)
     return np.array(rows, dtype=float), np.array(answers)
 
 

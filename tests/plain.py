@@ -6,9 +6,9 @@ import math
 from types import FunctionType, ModuleType, SimpleNamespace
 
 from hydroctl import plant as _plant
-from hydroctl.simulation import butcher as _butcher
 from hydroctl.simulation import law as _law
 from hydroctl.simulation import motion as _motion
+from hydroctl.simulation import runge_kutta as _runge_kutta
 
 _NUMPY = SimpleNamespace(
     abs=abs,
@@ -23,7 +23,7 @@ _NUMPY = SimpleNamespace(
 )
 
 
-def _plain(module: ModuleType, **replaced) -> SimpleNamespace:
+def plain(module: ModuleType, **replaced) -> SimpleNamespace:
     names = vars(module) | {"np": _NUMPY} | replaced
     for name, value in vars(module).items():
         if isinstance(value, FunctionType) and value.__module__ == module.__name__ and name not in replaced:
@@ -31,7 +31,7 @@ def _plain(module: ModuleType, **replaced) -> SimpleNamespace:
     return SimpleNamespace(**names)
 
 
-law = _plain(_law)
-plant = _plain(_plant)
-motion = _plain(_motion, plant=plant)
-butcher = _plain(_butcher, plus=motion.plus, slope=motion.slope)
+law = plain(_law)
+plant = plain(_plant)
+motion = plain(_motion, plant=plant)
+runge_kutta = plain(_runge_kutta, plus=motion.plus, slope=motion.slope)

@@ -19,7 +19,7 @@ from ..actuator import Actuator
 from ..errors import InputError
 from ..files import write_file
 from ..plant import parameters
-from ..simulation import rest_state
+from ..simulation import rest_state, runge_kutta
 from ..simulation.modes import longest_step
 from .c import filters, sources
 from .contents import Contents
@@ -28,7 +28,7 @@ from .text import harmless, identifier, render
 _FLAGS = ("-std=c99", "-O2", "-fPIC", "-shared", "-ffp-contract=off")
 _PLATFORMS = {"linux": ("linux64", "so"), "darwin": ("darwin64", "dylib"), "win32": ("win64", "dll")}
 _FILTERS = filters("double")
-_STEPS_OVER_BENDS = 8
+_STEPS_OVER_BENDS = 24
 """in place of one, for a machine whose equations bend, because the unit has no control of its errors"""
 _INITIAL = {"parameter": {"variability": "fixed", "initial": "exact"}, "output": {"initial": "calculated"}}
 
@@ -120,6 +120,8 @@ def plant_fmu(actuator: Actuator, name: str) -> bytes:
         "longest_step": longest_step(actuator) / (_STEPS_OVER_BENDS if any(bends) else 1),
         "load_force": actuator.load_force,
         "starts": starts,
+        "A": runge_kutta.A,
+        "B": runge_kutta.B,
     }
     templates = {"plant.h": "plant.h", "plant.c": "plant.c", "model.h": "plant_model.h", "model.c": "plant_model.c"}
     files = {file: render(f"{template}.jinja", **values) for file, template in templates.items()}

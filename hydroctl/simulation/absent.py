@@ -32,6 +32,6 @@ def plus(z, w, k):
     return z[0] + w * k[0], z[1] + w * k[1], z[2] + w * k[2], z[3] + w * k[3], z[4], z[5]
 
 
-def bends(z, new, command, p):
-    """A field that has no bends within a sample: x is held, and no other effect has any."""
+def effects_bend(z, new, command, p):
+    """No effect bends the field: x is held within a sample."""
     return False

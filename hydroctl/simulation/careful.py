@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from . import adaptive, butcher, motion
+from . import adaptive, motion, runge_kutta
 
 
 def step(z, x, load, p, h):
     """The state h seconds after z for the valve command x and the load (N)."""
-    return mended(z, butcher.step(z, x, load, p, h), x, load, p, h)
+    new = runge_kutta.step(z, x, load, p, h)
+    return controlled(z, x, load, p, h) if motion.bends(z, new, x, p) else new
 
 
-def mended(z, new, x, load, p, h):
-    """`new`, the end of a fixed step from z, or a better one where the field bends on the way."""
-    if motion.bends(z, new, x, p):
-        new = adaptive.advance(z, x, load, p, h)
-    return new
+def controlled(z, x, load, p, h):
+    """The same with error control."""
+    return adaptive.advance(z, x, load, p, h)
 
 
 def parts(delay_fraction, Ts, substeps):

@@ -17,7 +17,6 @@ from ..compiling import LOCK, compiled, functions
 from . import absent as _absent
 from . import absent_law as _absent_law
 from . import adaptive as _adaptive
-from . import butcher as _butcher
 from . import careful as _careful
 from . import dormand_prince as _dormand_prince
 from . import group as _group
@@ -25,13 +24,14 @@ from . import lanes as _lanes
 from . import law as _law
 from . import motion as _motion
 from . import rodas as _rodas
+from . import runge_kutta as _runge_kutta
 from . import sampled as _sampled
 from . import sensing as _sensing
 from .law import Regulator
 
 
 class Motion:
-    """The compiled modules of one machine build: `plant`, `motion`, `butcher`, `careful`, and `adaptive` and `stiff`,
+    """The compiled modules of one machine build: `plant`, `motion`, `runge_kutta`, `careful`, and `adaptive` and `stiff`,
     which step by Dormand and Prince and by Rodas4.
     """
 
@@ -40,10 +40,10 @@ class Motion:
         self.plant = compiled(_plant, build, signed_root=scalar.signed_root, **replaced)
         self.motion = compiled(_motion, build, plant=self.plant, **replaced)
         field = functions(self.motion)
-        self.butcher = compiled(_butcher, build, **field)
+        self.runge_kutta = compiled(_runge_kutta, build, **field)
         self.adaptive = compiled(_adaptive, build, method=compiled(_dormand_prince, build, **field), **field)
         self.stiff = compiled(_adaptive, f"{build}_stiff", method=compiled(_rodas, build, **field), **field)
-        self.careful = compiled(_careful, build, motion=self.motion, butcher=self.butcher, adaptive=self.adaptive)
+        self.careful = compiled(_careful, build, motion=self.motion, runge_kutta=self.runge_kutta, adaptive=self.adaptive)
 
 
 class Loop:
@@ -51,7 +51,7 @@ class Loop:
 
     def __init__(self, motion: Motion, law: ModuleType, build: str):
         self.law = law
-        modules = {"law": law, "motion": motion.motion, "butcher": motion.butcher, "careful": motion.careful}
+        modules = {"law": law, "motion": motion.motion, "runge_kutta": motion.runge_kutta, "careful": motion.careful}
         modules["sensing"] = compiled(_sensing, "sensing")
         self.sampled = compiled(_sampled, f"{motion.build}_{build}", **modules)
         self.lanes = compiled(_lanes, f"{motion.build}_{build}", **modules)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from math import inf
 
 from ..plant import Parameters
-from . import butcher, careful, law, motion, sensing
+from . import careful, law, motion, runge_kutta, sensing
 
 LANES = 32
 VARIED = ("bulk_modulus", "mass", "supply_pressure", "viscous_friction", "load_force")
@@ -46,9 +46,11 @@ X_IN, Y_IN, LEFT, X_FROM, X_TO, X_SLOPE, Y_FROM, Y_TO, Y_SLOPE = (LANES * row fo
 """the table's cell of each lane: where in it, whether it was left, its bounds, 1/(its widths)"""
 CORNERS = LANES * 39
 """sixteen rows: four corners of each gain"""
-NEW, K1, K2, K3, K4, K5, K6, K7 = (LANES * row for row in range(55, 103, 6))
+NEW, K1, K2, K3, K4, K5, K6, K7, K8, K9 = (LANES * row for row in range(55, 115, 6))
 """six rows each: the state after a substep, and the slopes in it"""
-FIRST_SUM = 103
+BENT = LANES * 115
+"""1 where a step wants error control"""
+FIRST_SUM = 116
 ROWS = FIRST_SUM + len(SUMS)
 (START, PER_STEP, RISE_10, RISE_90, OUTSIDE, MOST, LATE_LEAST, LATE_MOST, LATE_SUM) = (
     LANES * row for row in range(FIRST_SUM, FIRST_SUM + 9)
@@ -240,29 +242,41 @@ def _advance(w, queue, told, load, p, substeps, h):
         w[SPOOL + i] = motion.told(_state(w, P_A + i), w[TOLD + i], p)[4]
     for _ in range(substeps):
         _step(w, load, p, h)
+        bent = 0
         for i in range(LANES):
-            z, new, own = _state(w, P_A + i), _state(w, NEW + i), _varied(w, i, p)
-            _put(w, P_A + i, careful.mended(z, new, w[TOLD + i], load + w[LOAD + i], own, h))
+            bends = motion.bends(_state(w, P_A + i), _state(w, NEW + i), w[TOLD + i], _varied(w, i, p))
+            w[BENT + i] = 1.0 if bends else 0.0
+            bent += 1 if bends else 0
+        if bent > 0:
+            for i in range(LANES):
+                if w[BENT + i] > 0.0:
+                    _put(w, NEW + i, careful.controlled(_state(w, P_A + i), w[TOLD + i], load + w[LOAD + i], _varied(w, i, p), h))
+        for i in range(LANES):
+            _put(w, P_A + i, _state(w, NEW + i))
 
 
 def _step(w, load, p, h):
-    """`butcher.step` of every lane, each stage of all before the next: so the processor need not wait for one to end."""
+    """`runge_kutta.step` of every lane, each stage of all before the next: so the processor need not wait for one to end."""
     for i in range(LANES):
         _take_slope(w, K1, i, _state(w, P_A + i), load, p)
     for i in range(LANES):
-        _take_slope(w, K2, i, butcher.second(_state(w, P_A + i), h, _slopes(w, i)), load, p)
+        _take_slope(w, K2, i, runge_kutta.second(_state(w, P_A + i), h, _slopes(w, i)), load, p)
     for i in range(LANES):
-        _take_slope(w, K3, i, butcher.third(_state(w, P_A + i), h, _slopes(w, i)), load, p)
+        _take_slope(w, K3, i, runge_kutta.third(_state(w, P_A + i), h, _slopes(w, i)), load, p)
     for i in range(LANES):
-        _take_slope(w, K4, i, butcher.fourth(_state(w, P_A + i), h, _slopes(w, i)), load, p)
+        _take_slope(w, K4, i, runge_kutta.fourth(_state(w, P_A + i), h, _slopes(w, i)), load, p)
     for i in range(LANES):
-        _take_slope(w, K5, i, butcher.fifth(_state(w, P_A + i), h, _slopes(w, i)), load, p)
+        _take_slope(w, K5, i, runge_kutta.fifth(_state(w, P_A + i), h, _slopes(w, i)), load, p)
     for i in range(LANES):
-        _take_slope(w, K6, i, butcher.sixth(_state(w, P_A + i), h, _slopes(w, i)), load, p)
+        _take_slope(w, K6, i, runge_kutta.sixth(_state(w, P_A + i), h, _slopes(w, i)), load, p)
     for i in range(LANES):
-        _take_slope(w, K7, i, butcher.seventh(_state(w, P_A + i), h, _slopes(w, i)), load, p)
+        _take_slope(w, K7, i, runge_kutta.seventh(_state(w, P_A + i), h, _slopes(w, i)), load, p)
     for i in range(LANES):
-        _put(w, NEW + i, butcher.end(_state(w, P_A + i), h, _slopes(w, i)))
+        _take_slope(w, K8, i, runge_kutta.eighth(_state(w, P_A + i), h, _slopes(w, i)), load, p)
+    for i in range(LANES):
+        _take_slope(w, K9, i, runge_kutta.ninth(_state(w, P_A + i), h, _slopes(w, i)), load, p)
+    for i in range(LANES):
+        _put(w, NEW + i, runge_kutta.end(_state(w, P_A + i), h, _slopes(w, i)))
 
 
 def _take_slope(w, k, i, z, load, p):
@@ -279,6 +293,8 @@ def _slopes(w, i):
         _state(w, K5 + i),
         _state(w, K6 + i),
         _state(w, K7 + i),
+        _state(w, K8 + i),
+        _state(w, K9 + i),
     )
 
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from .. import plant
 
-_SHARP = 0.25
-"""How much of itself a pressure drop or a creeping speed may change in a step that can follow the root or dry friction"""
+_SHARP = 0.1
+"""How much of itself a pressure drop or a creeping speed may change in a fixed step"""
 
 
 def slope(z, command, load, p):
@@ -38,10 +38,20 @@ def sizes(p):
 
 
 def bends(z, new, command, p):
-    """Whether the slope of the field bends between z and new, the ends of one step, more sharply than a fixed step can follow.
+    """Whether the slope of the field bends between z and new, the ends of one step, more sharply than a fixed step can follow."""
+    return drops_turn(z, new, p) | effects_bend(z, new, command, p)
 
-    It does where the spool passes 0, the dead band or its ends, or meets its rate limit; where the piston touches a stop; where a
-    pressure drop over an open edge nearly vanishes; and where dry friction turns over.
+
+def drops_turn(z, new, p):
+    """Whether a pressure drop over an open edge nearly vanishes, or changes much: the bend of the root."""
+    drop_a, drop_b = plant.pressure_drops(z[0], z[1], z[4], p)
+    new_a, new_b = plant.pressure_drops(new[0], new[1], z[4], p)
+    return _turns(drop_a, new_a, 0.0) | _turns(drop_b, new_b, 0.0)
+
+
+def effects_bend(z, new, command, p):
+    """Whether the spool passes 0, the dead band or its ends or meets its rate limit, the piston touches a stop, or dry friction
+    turns over.
     """
     asked, asks = plant.wanted_spool_rate(z[4], command, p), plant.wanted_spool_rate(new[4], command, p)
     valve = (
@@ -51,10 +61,7 @@ def bends(z, new, command, p):
         | _passes(np.abs(asked), np.abs(asks), p.valve_rate_limit)
     )
     stops = (p.end_stop_stiffness > 0.0) & ((np.minimum(z[3], new[3]) < 0.0) | (np.maximum(z[3], new[3]) > p.stroke))
-    drop_a, drop_b = plant.pressure_drops(z[0], z[1], z[4], p)
-    new_a, new_b = plant.pressure_drops(new[0], new[1], z[4], p)
-    edges = _turns(drop_a, new_a, 0.0) | _turns(drop_b, new_b, 0.0)
-    return valve | stops | edges | ((p.breakaway_friction > 0.0) & _turns(z[2], new[2], p.creep_speed))
+    return valve | stops | ((p.breakaway_friction > 0.0) & _turns(z[2], new[2], p.creep_speed))
 
 
 def _passes(one, other, level):
