@@ -136,7 +136,9 @@ def field_faults(values: Mapping[str, object]) -> list[str]:
     What is not in `values` is unknown, and no fault.
     """
     alone = {name: fault for name, value in values.items() if (fault := field_fault(name, value))}
-    sound = {name: values[name] if name in values and name not in alone else math.nan for name in PARAMETERS}
+    sound = dict.fromkeys(PARAMETERS, math.nan)
+    for name in PARAMETERS.keys() & values.keys() - alone.keys():
+        sound[name] = None if values[name] is None else float(values[name])
     return [*alone.values(), *_contradictions(SimpleNamespace(**sound))]
 
 

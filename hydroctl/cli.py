@@ -18,6 +18,8 @@ import typer
 
 import hydroctl
 
+from .units import without_dask
+
 app = typer.Typer(
     help="From the data sheet of a hydraulic servo cylinder to a proven gain schedule.",
     no_args_is_help=True,
@@ -87,7 +89,7 @@ def design(
         pressure_compensation=pressure_compensation,
         dead_band_inverse=dead_band_inverse,
     )
-    machine = hydroctl.load_actuator(actuator)
+    machine = _machine(actuator)
     require_writable(directory)
     result = hydroctl.design(machine, loop=loop.value, structure=structure, specification=specification)
     result.save(directory)
@@ -104,7 +106,7 @@ def actuators(
         names = hydroctl.list_actuators()
         typer.echo(json.dumps(names) if as_json else "\n".join(names))
         return
-    loaded = hydroctl.load_actuator(name)
+    loaded = _machine(name)
     from .summary import describe, machine_to_dict
 
     machine = hydroctl.characterize(loaded)
@@ -206,7 +208,7 @@ def identify(
 ) -> None:
     """Identify the quasi-linear model from a measured record."""
     data = hydroctl.read_record(record, columns=_pairs("--column", column), units=_pairs("--unit", unit))
-    actuator = None if machine is None else hydroctl.load_actuator(machine)
+    actuator = None if machine is None else _machine(machine)
     settings = {"basis": basis, "actuator": actuator, "method": method, "settling": settling}
     found = hydroctl.identify(data.t, data.x, data.v, data.y, **settings, progress=_tell if sys.stderr.isatty() else None)
     fit = f"fit {found.fit.estimation:.2f} %, held out {found.fit.hold_out:.2f} %, one step {found.fit.one_step:.2f} %"
@@ -281,6 +283,11 @@ def _progress():
                 bar.update(done - bar.pos)
 
         yield advance
+
+
+def _machine(name: str) -> hydroctl.Actuator:
+    with without_dask():
+        return hydroctl.load_actuator(name)
 
 
 def main() -> None:

@@ -119,10 +119,7 @@ def find_operating_points(actuator: Actuator, x, y, *, load_force=0.0) -> Operat
         raise InputError(f"x {x.shape}, y {y.shape} and load_force {load.shape} do not broadcast; use x[:, None] with y.") from None
     along = np.broadcast_shapes(x.shape, load.shape)
     openings, loads = (np.ascontiguousarray(np.broadcast_to(value, along)).ravel() for value in (x, load))
-    found, fault = np.empty((4, openings.size)), np.empty(openings.size, dtype=int)
-    solver = equilibrium if openings.size <= _FEW else compiled_equilibrium()
-    with np.errstate(all="ignore"):  # beyond the stall force numbers may overflow: such points are flagged
-        solver.solve_all(plant.parameters(actuator), openings, loads, found, fault)
+    found, fault = _solved(plant.parameters(actuator), openings, loads)
     fault = fault.reshape(along)
     outside = (y < 0.0) | (y > actuator.stroke)
     if outside.any():
@@ -133,6 +130,20 @@ def find_operating_points(actuator: Actuator, x, y, *, load_force=0.0) -> Operat
     if shape == () and fault:
         raise OperatingPointError(points.reason[()])
     return points
+
+
+def _solved(p: plant.Parameters, openings: np.ndarray, loads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What `equilibrium.solve_all` fills in. Numbers may overflow at points that are then flagged."""
+    found, fault = np.empty((4, openings.size)), np.empty(openings.size, dtype=int)
+    if openings.size <= _FEW:
+        try:
+            with np.errstate(all="ignore"):
+                equilibrium.solve_all(p, openings, loads, found, fault)
+            return found, fault
+        except ArithmeticError:  # Python's floats raise where compiled ones go on
+            pass
+    compiled_equilibrium().solve_all(p, openings, loads, found, fault)
+    return found, fault
 
 
 @cache
@@ -156,4 +167,5 @@ def _finite(name: str, value) -> np.ndarray:
 def _force_left(actuator: Actuator, x: float, load: float) -> float:
     """What pressure and load leave to overcome dry friction, in N in the direction of extension, with the piston at rest."""
     p = plant.parameters(actuator)
-    return float(equilibrium.force_at_rest(p, float(plant.effective_opening(x, p))) - load)
+    with np.errstate(all="ignore"):
+        return float(equilibrium.force_at_rest(p, plant.effective_opening(x, p)) - load)

@@ -74,10 +74,14 @@ def _search(c2, c1, c0, root):
 
 
 def _polished(c2, c1, c0, root):
-    """The root after a few steps of Newton's method, none where the slope vanishes: at a multiple root."""
+    """The root after the steps of Newton's method that lower the polynomial's size; at a multiple root rounding makes others."""
+    value, slope = _value_and_slope(c2, c1, c0, root)
     for _ in range(_POLISH_STEPS):
-        value, slope = _value_and_slope(c2, c1, c0, root)
-        root -= value / slope if slope != 0.0 else 0.0
+        better = root - value / slope
+        better_value, better_slope = _value_and_slope(c2, c1, c0, better)
+        if not abs(better_value) < abs(value):
+            break
+        root, value, slope = better, better_value, better_slope
     return root
 
 
@@ -102,7 +106,7 @@ def _real_root(c2, c1, c0):
     if discriminant > 0.0:
         u = np.cbrt(-q - np.sqrt(discriminant) if q >= 0.0 else -q + np.sqrt(discriminant))
         return u - p / u - shift
-    if p == 0.0:
+    if p >= 0.0:  # a triple root, or so nearly that its powers vanish
         return -shift
     radius = np.sqrt(-p)
     cosine = -q / radius**3

@@ -254,11 +254,11 @@ def _specification(document: schedule_document.Document) -> Specification:
 
 
 def _notch(document: schedule_document.Document) -> dict:
+    """The settings of a notch; sections stand at its frequency without it, too, at a ratio of 1 unless another is stated."""
+    controller, ratio = document.controller, document.design.notch_ratio
     if "notch" not in document.structure:
-        return {}
-    controller = document.controller
-    damping = controller.notch_zero_damping, controller.notch_pole_damping
-    return {"notch_damping": damping, "notch_ratio": document.design.notch_ratio}
+        return {} if ratio == 1.0 else {"notch_ratio": ratio}
+    return {"notch_damping": (controller.notch_zero_damping, controller.notch_pole_damping), "notch_ratio": ratio}
 
 
 def _pressure_drops(given: schedule_document.PressureCompensation | None) -> np.ndarray | None:

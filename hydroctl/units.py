@@ -41,22 +41,24 @@ _EXAMPLES = {
 
 
 @contextmanager
-def _not_found(package: str):
-    """Imports do not find `package`, unless it is loaded already."""
-    absent = package not in sys.modules
+def without_dask():
+    """Quantities are read without loading dask, which pint does for arrays of them: a third of the time that its own import takes.
+
+    pint then knows nothing of dask to the end of the process: only for one that is hydroctl's own.
+    """
+    absent = "dask" not in sys.modules
     if absent:
-        sys.modules[package] = None
+        sys.modules["dask"] = None
     try:
         yield
     finally:
         if absent:
-            del sys.modules[package]
+            del sys.modules["dask"]
 
 
 @cache
 def _registry():
-    with _not_found("dask"):  # pint loads it for arrays of quantities, a third of the time that its own import takes
-        import pint
+    import pint
 
     return pint.UnitRegistry(Path(__file__).with_name("units.txt"), non_int_type=Decimal)
 

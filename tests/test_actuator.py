@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -85,6 +86,16 @@ def test_an_actuator_cannot_change():
 
 def test_every_parameter_says_its_unit_and_what_it_is():
     assert all(spec.metadata["text"] and isinstance(spec.metadata["unit"], str) for spec in PARAMETERS.values())
+
+
+def test_faults_between_numbers_of_any_kind_are_told():
+    for changes in (
+        {"area_b": 10**300, "stroke": 10**300},
+        {"tank_pressure": Fraction(10**9, 3), "supply_pressure": Fraction(1, 3)},
+        {"tank_pressure": np.float32(1e9)},
+    ):
+        with pytest.raises(hc.InputError, match=r"is used up|is not below supply_pressure"):
+            REFERENCE.replace(**changes)
 
 
 @settings(max_examples=60, deadline=None)

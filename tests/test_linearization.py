@@ -176,6 +176,8 @@ ROOTS = [
     (-1.0, -2.0, -3.0),
     (-0.6, -100 + 540j, -100 - 540j),
     (-5.0, -5.0, -5.0),
+    (1 / 3, 1 / 3, 1 / 3),
+    (-0.1, -0.1, -0.1),
     (-1.0, -1.0, -4.0),
     (-1e-6, -300 + 1j, -300 - 1j),
     (0.0, -1.0 + 2j, -1.0 - 2j),
@@ -195,6 +197,11 @@ def test_cubic_roots_rebuild_the_polynomial_with_the_real_root_nearest_to_the_hi
     separation = min(abs(a - b) for a in roots for b in roots if a != b) if len(set(roots)) > 1 else 0.0
     distance = abs(found[0] - min(real, key=lambda root: abs(root - near)))
     assert distance <= max(1e-9 * abs(found[0]), 1e-4 * (len(set(roots)) < 3)) or abs(abs(near - found[0]) - distance) > separation
+
+
+@pytest.mark.parametrize("near", [1.0, -5.0, np.nan, np.inf])
+def test_cubic_roots_are_numbers_where_their_powers_vanish(near):
+    np.testing.assert_allclose(cubic_roots(np.array([0.0, 1e-120, 0.0]), near), [0.0, 1e-60j, -1e-60j], atol=1e-70)
 
 
 def test_cubic_roots_of_many_are_those_of_each_and_not_a_number_stays_so():

@@ -311,6 +311,17 @@ def test_random_machines_with_dry_friction_rest_at_their_points_and_mirror(machi
         assert np.isfinite(hc.linearize(machine, points).A).all()
 
 
+@pytest.mark.parametrize("machine", [REFERENCE, LOSSLESS, hc.load_actuator("crane_80_45")])
+@pytest.mark.parametrize("x", [1e-160, -1e-160, 5e-324])
+def test_an_opening_whose_square_vanishes_is_flagged_however_many_points_there_are(machine, x):
+    with pytest.raises(hc.OperatingPointError, match="No operating point at x="):
+        hc.find_operating_points(machine, x, 0.1)
+    for count in (1, 100):
+        points = hc.find_operating_points(machine, np.full(count, x), 0.1)
+        assert not points.feasible.any()
+        assert all(text.startswith("No operating point") for text in points.reason)
+
+
 @pytest.mark.parametrize("name", hc.list_actuators())
 def test_the_compiled_equations_do_what_they_do_in_python(name):
     """At stalled, closed, stuck and cavitating points, too."""

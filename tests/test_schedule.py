@@ -94,6 +94,15 @@ def test_every_setting_of_the_law_reads_back(reference, tmp_path):
     assert (made.pressure_drops > 0.0).all()
 
 
+@pytest.mark.parametrize("structure", ["p+lead", "pi"])
+@pytest.mark.parametrize("ratio", [None, 0.8])
+def test_where_the_sections_stand_reads_back_without_a_notch(reference, tmp_path, structure, ratio):
+    asked = hc.Specification(uncertainty="nominal", notch_ratio=ratio)
+    made = hc.tune(reference, [-0.5, 0.5], [0.2], loop="position", structure=structure, specification=asked)
+    again = hc.load_schedule(made.save(tmp_path / "schedule.json"))
+    assert again.specification == made.specification == asked
+
+
 def test_every_quantity_in_the_file_has_a_unit(saved):
     document = json.loads(saved.read_text())
     assert {table["name"]: table["unit"] for table in document["scheduling"]["tables"]} == {

@@ -1,5 +1,6 @@
 """Open-loop simulation: against DOP853 at 1e-12, against the operating points, and the laws of the plant in time."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -10,6 +11,7 @@ import hydroctl as hc
 from hydroctl import plant
 from hydroctl.errors import InputError, SimulationError
 from hydroctl.simulation import State, rest_state, simulate
+from hydroctl.simulation.trajectory import require_motion
 
 ACTUATOR = hc.load_actuator("reference")
 REAL = ACTUATOR.replace(
@@ -178,6 +180,13 @@ def test_wrong_starts_are_refused():
 def test_a_piston_that_uses_up_a_chamber_stops_with_the_time():
     with pytest.raises(SimulationError, match="stroke"):
         simulate(ACTUATOR, np.linspace(0.0, 20.0, 2001), -1.0)
+
+
+def test_a_motion_that_is_lost_after_its_last_sample_says_that_time():
+    found = simulate(ACTUATOR, np.linspace(0.0, 0.5, 6), 0.1)
+    lost = replace(found, final=found.final._replace(p_a=np.nan))
+    with pytest.raises(SimulationError, match=r"from t = 0\.5 s on"):
+        require_motion(ACTUATOR, lost)
 
 
 def test_valve_lag_dry_friction_dead_band_and_end_stop_agree_with_dop853():

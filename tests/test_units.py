@@ -2,7 +2,10 @@
 
 import itertools
 import math
+import subprocess
+import sys
 from decimal import Decimal
+from importlib.util import find_spec
 
 import pint
 import pytest
@@ -127,3 +130,27 @@ def test_what_is_not_one_number_with_one_fitting_unit_is_refused(text):
 def test_a_value_that_is_no_finite_number_is_refused(value):
     with pytest.raises(InputError, match=r"^stroke = "):
         to_si("stroke", value, "m")
+
+
+WITH_DASK = """
+import hydroctl.units
+hydroctl.units.to_si("stroke", "1 m", "m")
+import dask.array, pint
+print(pint.UnitRegistry().Quantity(dask.array.ones(3), "m").compute().magnitude.sum())
+"""
+ON_THE_COMMAND_LINE = """
+import sys
+import hydroctl.cli
+sys.argv = ["hydroctl", "actuators", "reference", "--json"]
+try:
+    hydroctl.cli.main()
+finally:
+    print("pint" in sys.modules, "dask" in sys.modules)
+"""
+
+
+@pytest.mark.skipif(find_spec("dask") is None, reason="needs dask")
+@pytest.mark.parametrize(("code", "last"), [(WITH_DASK, "3.0"), (ON_THE_COMMAND_LINE, "True False")], ids=["library", "command"])
+def test_quantities_leave_pint_whole_for_others_and_the_command_line_does_without_dask(code, last):
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert told.stdout.splitlines()[-1] == last, told.stderr

@@ -71,8 +71,9 @@ def require_motion(actuator: Actuator, trajectory: Trajectory) -> Trajectory:
         return trajectory
     with np.errstate(invalid="ignore", over="ignore"):
         sound = np.isfinite(trajectory.v + trajectory.p_a + trajectory.p_b) & (lowest < y) & (y < highest)
+    lost = -1 if sound.all() else np.argmin(sound)
     raise SimulationError(
-        f"The motion has no meaning from t = {trajectory.t[np.argmin(sound)]:g} s on: the piston has used up a chamber beyond its "
+        f"The motion has no meaning from t = {trajectory.t[lost]:g} s on: the piston has used up a chamber beyond its "
         f"stroke of 0 to {actuator.stroke:g} m, or the loop is unstable. Shorten the motion or lower the gains."
     )
 
