@@ -42,15 +42,13 @@ BULK, INVERSE_MASS, SUPPLY, VISCOUS, LOAD = (LANES * row for row in range(6, 11)
 INTEGRAL, DERIVATIVE, LAST, NOTCH_1, NOTCH_2, X, SECTION_1, SECTION_2, FILTERED, RUNNING = (LANES * row for row in range(11, 21))
 KP, KI, KD, WN, TOLD = (LANES * row for row in range(21, 26))
 SEEN_A, SEEN_B, SEEN_V, SEEN_Y = (LANES * row for row in range(26, 30))
-X_IN, Y_IN, LEFT, X_FROM, X_TO, X_SLOPE, Y_FROM, Y_TO, Y_SLOPE = (LANES * row for row in range(30, 39))
-"""the table's cell of each lane: where in it, whether it was left, its bounds, 1/(its widths)"""
+X_IN, Y_IN, BENT, X_FROM, X_TO, X_SLOPE, Y_FROM, Y_TO, Y_SLOPE = (LANES * row for row in range(30, 39))
+"""the table's cell of each lane: where in it, its bounds, 1/(its widths); and 1 where a step wants error control"""
 CORNERS = LANES * 39
 """sixteen rows: four corners of each gain"""
 NEW, K1, K2, K3, K4, K5, K6, K7, K8, K9 = (LANES * row for row in range(55, 115, 6))
 """six rows each: the state after a substep, and the slopes in it"""
-BENT = LANES * 115
-"""1 where a step wants error control"""
-FIRST_SUM = 116
+FIRST_SUM = 115
 ROWS = FIRST_SUM + len(SUMS)
 (START, PER_STEP, RISE_10, RISE_90, OUTSIDE, MOST, LATE_LEAST, LATE_MOST, LATE_SUM) = (
     LANES * row for row in range(FIRST_SUM, FIRST_SUM + 9)
@@ -104,12 +102,11 @@ def _look_up(w, seen, regulator):
     left = 0
     for i in range(LANES):
         x, y = law.clipped_opening(w[X + i], regulator), law.clipped_position(w[seen + 3 * LANES + i], regulator)
-        inside = (w[X_FROM + i] <= x) & (x < w[X_TO + i]) & (w[Y_FROM + i] <= y) & (y < w[Y_TO + i])
-        w[X_IN + i], w[Y_IN + i], w[LEFT + i] = x, y, 0.0 if inside else 1.0
-        left += 0 if inside else 1
+        w[X_IN + i], w[Y_IN + i] = x, y
+        left += 0 if _is_inside(w, i) else 1
     if left > 0:
         for i in range(LANES):
-            if w[LEFT + i] > 0.0:
+            if not _is_inside(w, i):
                 _enter(w, i, regulator)
     for i in range(LANES):
         fractions = (w[X_IN + i] - w[X_FROM + i]) * w[X_SLOPE + i], (w[Y_IN + i] - w[Y_FROM + i]) * w[Y_SLOPE + i]
@@ -118,6 +115,12 @@ def _look_up(w, seen, regulator):
         w[KD + i] = _between(w, i, 2, fractions)
         if regulator.shaped:
             w[WN + i] = _between(w, i, 3, fractions)
+
+
+def _is_inside(w, i):
+    """Whether lane i is in the cell that it entered last."""
+    x, y = w[X_IN + i], w[Y_IN + i]
+    return (w[X_FROM + i] <= x) & (x < w[X_TO + i]) & (w[Y_FROM + i] <= y) & (y < w[Y_TO + i])
 
 
 def _enter(w, i, regulator):
@@ -163,7 +166,6 @@ def _regulate(w, seen, reference, forward, regulator):
 
 def _measure(w, k, first, late, measured, reference, target, p, Ts):
     """Add the motion at sample k to the sums. `first`: the sample of the last step; `late`: from where it should have settled."""
-    since, is_step, is_after, is_late = float(k - first), k == first, k >= first, k >= late
     for i in range(LANES):
         value, x = w[measured + i], w[X + i]
         error = reference - value
@@ -177,13 +179,22 @@ def _measure(w, k, first, late, measured, reference, target, p, Ts):
         w[CAVITATION + i] += Ts if lowest < p.tank_pressure - 1e-9 * w[SUPPLY + i] else 0.0
         w[LEAST_Y + i] = min(w[LEAST_Y + i], w[Y + i])
         w[MOST_Y + i] = max(w[MOST_Y + i], w[Y + i])
+    if k >= first:
+        _measure_step(w, k - first, k >= late, measured, target)
+
+
+def _measure_step(w, since, is_late, measured, target):
+    """The same for the last step of the reference, `since` samples after it."""
+    is_step, now = since == 0, float(since)
+    for i in range(LANES):
+        value = w[measured + i]
         w[START + i] = value if is_step else w[START + i]
         w[PER_STEP + i] = 1.0 / (target - value) if is_step else w[PER_STEP + i]
         progress = (value - w[START + i]) * w[PER_STEP + i]
-        w[RISE_10 + i] = min(w[RISE_10 + i], since if is_after and progress >= 0.1 else inf)
-        w[RISE_90 + i] = min(w[RISE_90 + i], since if is_after and progress >= 0.9 else inf)
-        w[OUTSIDE + i] = since + 1.0 if is_after and abs(progress - 1.0) > 0.02 else w[OUTSIDE + i]
-        w[MOST + i] = max(w[MOST + i], progress if is_after else 0.0)
+        w[RISE_10 + i] = min(w[RISE_10 + i], now if progress >= 0.1 else inf)
+        w[RISE_90 + i] = min(w[RISE_90 + i], now if progress >= 0.9 else inf)
+        w[OUTSIDE + i] = now + 1.0 if abs(progress - 1.0) > 0.02 else w[OUTSIDE + i]
+        w[MOST + i] = max(w[MOST + i], progress)
         w[LATE_LEAST + i] = min(w[LATE_LEAST + i], progress if is_late else inf)
         w[LATE_MOST + i] = max(w[LATE_MOST + i], progress if is_late else -inf)
 
