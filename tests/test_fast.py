@@ -80,3 +80,12 @@ def test_all_faults_are_told_at_once(reference):
     assert "did you mean 'imc'" in caught.value.faults[0]
     with pytest.raises(hc.InputError, match="needs a velocity loop"):
         hc.tune_fast(reference, [0.1], [0.25], method="pole-placement", loop="position")
+
+
+@pytest.mark.parametrize("ratio", [0.8, 1.0])
+def test_the_notch_of_a_position_loop_stands_where_its_specification_says(reference, ratio):
+    asked = hc.Specification(notch_ratio=ratio)
+    found = hc.tune_fast(reference, [0.5], [0.2], loop="position", specification=asked)
+    natural = found.reduced.natural_frequency
+    np.testing.assert_allclose(found.schedule.notch_frequency, ratio * natural, rtol=1e-12)
+    assert found.schedule.specification.notch_ratio == ratio

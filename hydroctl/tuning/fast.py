@@ -113,7 +113,7 @@ def _regulators(method: str, loop: str, reduced: SecondOrderFamily, wanted, spec
         kp,
         ki,
         kd,
-        reduced.natural_frequency,
+        (specification.notch_ratio or 1.0) * reduced.natural_frequency,
         specification.Tf,
         zz,
         zp,
