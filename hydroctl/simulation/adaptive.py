@@ -1,6 +1,6 @@
 """Step-length control and output of an embedded method, compiled around `dormand_prince`, or around `rodas` for stiff machines.
 
-A method has `begin`, `attempt` and `growth`. `attempt` returns (new state, error estimate, slope there, (r, s, q)) with
+A method has `begin`, `attempt`, `growth` and `LATE`. `attempt` returns (new state, error estimate, slope there, (r, s, q)) with
 the dense output z + theta ((new - z) + (1 - theta) (r + theta (s + (1 - theta) q))) at the fraction theta of the step.
 """
 
@@ -112,8 +112,9 @@ def integrate(t, x, load, initial, p, rtol, most_steps, out):
                     last += 1
                 _write_dense(out, written, last, t, now, length, z, new, dense, ideal)
                 now, written, z, start = reached, last, new, slope
-                if not final:  # the length follows the error one step late: the next step can begin before the error is known
-                    h, growth = length * growth, _factor(size)
+                if not final:
+                    factor = _factor(size)
+                    h, growth = (length * growth, factor) if method.LATE else (length * factor, 1.0)
             else:
                 h, growth = length * _factor(size), 1.0
             if h <= _SMALLEST * (t[-1] - t[0]) or steps >= most_steps:

@@ -11,6 +11,8 @@ from math import sqrt
 from .motion import plus, slope
 
 NAME = "Dormand-Prince 5(4)"
+LATE = True
+"""The length follows the error one step late, so that the processor can begin the next step before the error is known."""
 _A21 = 1 / 5
 _A31, _A32 = 3 / 40, 9 / 40
 _A41, _A42, _A43 = 44 / 45, -56 / 15, 32 / 9

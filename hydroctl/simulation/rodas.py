@@ -19,6 +19,8 @@ from numpy.linalg import inv
 from .motion import sizes, slope
 
 NAME = "Rodas4"
+LATE = False
+"""Its steps take so long that the error costs nothing beside them."""
 CALLED = ("attempt", "_shifted_jacobian")
 _GAMMA = 0.25
 _STEP = 1e-6
