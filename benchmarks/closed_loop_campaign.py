@@ -21,7 +21,7 @@ from . import closed_loop_peers as peers
 from .measure import Contender, Row, compare
 from .peers import PlainPID, scheduled_pid, slope_function
 
-_STAGES = 9
+_STAGES = 8
 
 
 def rows(*, smallest: bool) -> list[Row]:

@@ -58,12 +58,12 @@ def test_the_conditions_of_order_six_hold(order):
         assert abs(B @ weights(tree) * density(tree) - 1.0) <= 1e-13, tree
 
 
-def test_on_linear_equations_the_method_is_the_taylor_polynomial_of_degree_nine():
+def test_on_linear_equations_the_method_is_the_taylor_polynomial_of_degree_eight():
     power = ONE
     for degree in range(1, STAGES + 1):
         assert abs(B @ power * factorial(degree) - 1.0) <= 1e-13, degree
         power = A @ power
-    assert STAGES == 9
+    assert STAGES == 8
 
 
 def test_every_stage_lies_within_the_step():
@@ -79,14 +79,15 @@ def orders(slope, start, exact, steps):
         z = start
         for _ in range(n):
             z = method.step(z, 0.0, 0.0, None, 1.0 / n)
-        errors.append(np.abs(np.subtract(z, exact)).max())
+        errors.append(np.linalg.norm(np.subtract(z, exact)))
     return np.log2(np.divide(errors[:-1], errors[1:]))
 
 
-def test_an_oscillation_converges_with_order_nine():
+def test_an_oscillation_converges_with_order_eight():
+    """Both states in the same unit: the error turns round as the step shrinks."""
     omega = 12.0
-    exact = np.cos(omega), -omega * np.sin(omega)
-    assert (orders(lambda z, *_: (z[1], -omega * omega * z[0]), (1.0, 0.0), exact, (8, 16, 32)) >= 8.5).all()
+    found = orders(lambda z, *_: (omega * z[1], -omega * z[0]), (1.0, 0.0), (np.cos(omega), -np.sin(omega)), (8, 16, 32))
+    np.testing.assert_allclose(found, 8.0, atol=0.1)
 
 
 def test_a_nonlinear_equation_converges_with_order_six():

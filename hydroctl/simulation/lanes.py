@@ -46,9 +46,9 @@ X_IN, Y_IN, BENT, X_FROM, X_TO, X_SLOPE, Y_FROM, Y_TO, Y_SLOPE = (LANES * row fo
 """the table's cell of each lane: where in it, its bounds, 1/(its widths); and 1 where a step wants error control"""
 CORNERS = LANES * 39
 """sixteen rows: four corners of each gain"""
-NEW, K1, K2, K3, K4, K5, K6, K7, K8, K9 = (LANES * row for row in range(55, 115, 6))
+NEW, K1, K2, K3, K4, K5, K6, K7, K8 = (LANES * row for row in range(55, 109, 6))
 """six rows each: the state after a substep, and the slopes in it"""
-FIRST_SUM = 115
+FIRST_SUM = 109
 ROWS = FIRST_SUM + len(SUMS)
 (START, PER_STEP, RISE_10, RISE_90, OUTSIDE, MOST, LATE_LEAST, LATE_MOST, LATE_SUM) = (
     LANES * row for row in range(FIRST_SUM, FIRST_SUM + 9)
@@ -285,8 +285,6 @@ def _step(w, load, p, h):
     for i in range(LANES):
         _take_slope(w, K8, i, runge_kutta.eighth(_state(w, P_A + i), h, _slopes(w, i)), load, p)
     for i in range(LANES):
-        _take_slope(w, K9, i, runge_kutta.ninth(_state(w, P_A + i), h, _slopes(w, i)), load, p)
-    for i in range(LANES):
         _put(w, NEW + i, runge_kutta.end(_state(w, P_A + i), h, _slopes(w, i)))
 
 
@@ -305,7 +303,6 @@ def _slopes(w, i):
         _state(w, K6 + i),
         _state(w, K7 + i),
         _state(w, K8 + i),
-        _state(w, K9 + i),
     )
 
 
