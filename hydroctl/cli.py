@@ -74,6 +74,7 @@ def design(
     as_json: JsonOption = False,
 ) -> None:
     """Design a gain schedule, prove its margins, try it on the nonlinear plant, and write schedule, figures and summary."""
+    from .design import STAGES
     from .files import require_writable
 
     specification = hydroctl.Specification(
@@ -91,8 +92,10 @@ def design(
     )
     machine = _machine(actuator)
     require_writable(directory)
-    result = hydroctl.design(machine, loop=loop.value, structure=structure, specification=specification)
-    result.save(directory)
+    with _stages(len(STAGES) + 1) as begin:
+        result = hydroctl.design(machine, loop=loop.value, structure=structure, specification=specification, on_stage=begin)
+        begin("files")
+        result.save(directory)
     typer.echo(json.dumps(result.to_dict(), indent=1) if as_json else f"{result.summary()}\n\nwritten to {directory}/")
     raise typer.Exit(0 if result.passed else 1)
 
@@ -145,6 +148,7 @@ def validate(
             _progress() as advance,
         ):
             cases = {"count": count, "seed": seed, "executor": executor, "directory": kept, "on_progress": advance}
+            cases["chunk_size"] = min(1024, 32 * math.ceil(count / 1024))
             result = validation.campaign(loaded.actuator, loaded, **cases)
         scale = validation.scale_of(loaded.actuator, loaded.loop)
         verdicts = result.verdicts(validation.default_requirements(scale, loaded.loop, Mt=loaded.specification.Mt))
@@ -180,13 +184,19 @@ def _synchronize(paths: list[Path], coupling: str, tolerance: float, count: int,
 
     schedules = [hydroctl.load_schedule(path) for path in paths]
     machines = [schedule.actuator for schedule in schedules]
-    designed = synchronization.design_coupling(machines, schedules, coupling)
-    profile, loads = synchronization.standard_motion(machines, Ts=schedules[0].Ts)
-    result = hydroctl.synchronize(machines, schedules, profile, coupling=designed, load_forces=loads)
+    with _stages(3) as begin:
+        begin("coupling")
+        designed = synchronization.design_coupling(machines, schedules, coupling)
+        profile, loads = synchronization.standard_motion(machines, Ts=schedules[0].Ts)
+        given = {"coupling": designed, "load_forces": loads}
+        begin("motion")
+        result = hydroctl.synchronize(machines, schedules, profile, **given)
+        if count:
+            begin("random cases")
+            cases = synchronization.campaign(machines, schedules, profile, count=count, seed=seed, **given)
     typer.echo(result.summary())
     rms, completed = result.metrics.rms, result.completed
     if count:
-        cases = synchronization.campaign(machines, schedules, profile, count=count, seed=seed, coupling=designed, load_forces=loads)
         worst = cases.worst()
         rms, completed = max(rms, float(cases.metrics["rms"][worst])), completed and bool(cases.completed.all())
         failed = int((~cases.completed).sum())
@@ -221,13 +231,21 @@ def report(
     path: Annotated[Path, typer.Option("-o", "--output", help="the HTML file to write")] = Path("report.html"),
 ) -> None:
     """Write the report page of a schedule: verdicts, maps, motions, and an explorer of its loop, in one HTML file."""
+    from .files import make_directory
     from .report import write_report
     from .validation import against_rivals, fixed_rival
 
     loaded = hydroctl.load_schedule(schedule)
-    validation = hydroctl.validate(loaded.actuator, loaded)
-    fixed = fixed_rival(loaded, loaded.structure)
-    write_report(path, loaded, validation, beside={"fixed": fixed}, comparison=against_rivals(loaded, fixed))
+    make_directory(path.parent)
+    with _stages(4) as begin:
+        begin("validation")
+        validation = hydroctl.validate(loaded.actuator, loaded)
+        begin("fixed regulator")
+        fixed = fixed_rival(loaded, loaded.structure)
+        begin("comparison")
+        comparison = against_rivals(loaded, fixed)
+        begin("page")
+        write_report(path, loaded, validation, beside={"fixed": fixed}, comparison=comparison)
     typer.echo(f"written to {path}")
 
 
@@ -283,6 +301,23 @@ def _progress():
                 bar.update(done - bar.pos)
 
         yield advance
+
+
+@contextmanager
+def _stages(count: int):
+    """Gives the callback (name) of the stages of long work, as each begins: on stderr, if a terminal, a bar that names it."""
+    if not sys.stderr.isatty():
+        yield lambda name: None
+        return
+    with typer.progressbar(length=count, file=sys.stderr, show_eta=False) as bar:
+
+        def begin(name: str) -> None:
+            bar.update(1 if bar.label else 0)
+            bar.label = f"{name:<34}"
+            bar.render_progress()
+
+        yield begin
+        bar.update(count - bar.pos)
 
 
 def _machine(name: str) -> hydroctl.Actuator:

@@ -25,19 +25,37 @@ from .tuning import default_points, tune, tune_fixed
 from .validation import Standing, ValidationReport, Verdict, against_rivals, validate
 from .verdicts import margin_verdicts
 
+STAGES = (
+    "operating points",
+    "linearization",
+    "reduction",
+    "surfaces",
+    "tuning",
+    "fixed regulator",
+    "margins",
+    "validation",
+    "validation of the fixed regulator",
+    "comparison",
+)
 _BETWEEN = np.array([0.1, 0.2, 0.4, 0.6, 0.8])
 
 
 def design(
-    actuator: Actuator, *, loop: str = "velocity", structure: str = "pi", specification: Specification | None = None
+    actuator: Actuator,
+    *,
+    loop: str = "velocity",
+    structure: str = "pi",
+    specification: Specification | None = None,
+    on_stage: Callable[[str], None] | None = None,
 ) -> Design:
     """Operating points, linear families, second-order models and surfaces, gain schedule, fixed regulator, validation.
 
-    The regulators are tuned on the third-order tangent models, whatever the error of the second order. Raises InputError for
+    The regulators are tuned on the third-order tangent models, whatever the error of the second order. `on_stage` is called with
+    the name of each of the STAGES as it begins. Raises InputError for
     input that cannot be used, InfeasibleError where no regulator meets the specification.
     """
     specification = Specification() if specification is None else specification
-    stage, seconds = _stopwatch()
+    stage, seconds = _stopwatch(on_stage)
     x, y = default_points(actuator)
     between = actuator.dead_band + _BETWEEN * (1.0 - actuator.dead_band)
     openings = np.unique(np.concatenate([x, -between, between]))
@@ -123,10 +141,12 @@ def _surfaces(reduced: SecondOrderFamily) -> tuple[QuasiLinearModel | None, tupl
     return model, (*remarks, *(str(warning.message) for warning in caught))
 
 
-def _stopwatch() -> tuple[Callable, dict[str, float]]:
+def _stopwatch(on_stage: Callable[[str], None] | None) -> tuple[Callable, dict[str, float]]:
     seconds: dict[str, float] = {}
 
     def stage(name: str, work: Callable):
+        if on_stage is not None:
+            on_stage(name)
         start = time.perf_counter()
         result = work()
         seconds[name] = time.perf_counter() - start

@@ -6,11 +6,18 @@ import numpy as np
 import pytest
 
 import hydroctl as hc
+from hydroctl.design import STAGES
 
 
 @pytest.fixture(scope="module", params=["velocity", "position"])
 def designed(request, reference):
     return hc.design(reference, loop=request.param)
+
+
+def test_each_stage_is_told_as_it_begins_and_timed(reference):
+    told = []
+    result = hc.design(reference, loop="velocity", on_stage=told.append)
+    assert tuple(told) == STAGES == tuple(result.seconds)
 
 
 def test_every_requirement_is_met(designed):

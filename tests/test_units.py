@@ -62,7 +62,8 @@ def test_every_unit_with_every_prefix_reads_as_in_the_full_registry(full):
     names = [prefix + unit for prefix, unit in itertools.product(units._prefixes, units._units)]  # each look-up adds units
     known = [name for name in names if name in units and name in full]
     differ = {name: str(full.parse_units(name)) for name in known if factor(units, name) != factor(full, name)}
-    assert differ == {"hbar": "dirac_constant", "mcc": "microspeed_of_light"}  # neither is on a data sheet
+    # none is on a data sheet; pint has the chain from 0.26 on
+    assert set(differ.items()) - {("ch", "chain")} == {("hbar", "dirac_constant"), ("mcc", "microspeed_of_light")}
 
 
 @pytest.mark.parametrize(
