@@ -105,10 +105,11 @@ def describe(machine: Characteristics) -> str:
     """Parameters, derived quantities and source of a machine, in the units of a data sheet."""
     actuator = machine.actuator
     width = max(map(len, PARAMETERS))
-    parameters = [
-        f"  {name:{width}s} {'not stated' if value is None else f'{value:.6g}':>12s} {PARAMETERS[name].metadata['unit']}"
+    stated = {
+        name: "  not stated" if value is None else f"{value:>12.6g} {PARAMETERS[name].metadata['unit']}".rstrip()
         for name, value in actuator.parameters().items()
-    ]
+    }
+    parameters = [f"  {name:{width}s} {text}" for name, text in stated.items()]
     derived = [
         f"  area ratio b/a             {machine.area_ratio:.4g}",
         f"  natural frequency          {_hertz(machine.natural_frequency.min())} ... {_hertz(machine.natural_frequency.max())} Hz",

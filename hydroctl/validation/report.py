@@ -52,7 +52,8 @@ class ValidationReport:
         """A line for each requirement, and the outcome."""
         failed = sum(not verdict.passed for verdict in self.verdicts)
         variants = len({run.variant for run in self.runs})
-        head = f"{len(self.runs)} runs on the nonlinear plant ({len(self.runs) // variants} scenarios, {variants} variants): "
+        plants = "1 plant" if variants == 1 else f"{variants} plants"
+        head = f"{len(self.runs)} runs of the nonlinear model ({len(self.runs) // variants} scenarios, {plants}): "
         outcome = "every requirement is met" if self.passed else f"{failed} of {len(self.verdicts)} requirements are not met"
         return "\n".join([head + outcome, *(f"  {verdict}" for verdict in self.verdicts)])
 
