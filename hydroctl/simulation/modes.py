@@ -19,7 +19,7 @@ _CONTACT = 1e-5
 _ALMOST = 0.99
 _STIFF = 100.0
 _RADIANS_PER_STEP = 1.0
-"""`runge_kutta` errs by less than 1/9! = 2.8e-6 of a mode's amplitude in such a step."""
+"""`runge_kutta` errs by about a millionth of a mode's amplitude in such a step."""
 
 
 @lru_cache(maxsize=256)
