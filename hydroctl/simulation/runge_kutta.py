@@ -1,7 +1,7 @@
 """One step of a Runge-Kutta method of order 6 in 8 stages: straight-line code, whole, or stage by stage for lanes.
 
 Between samples the plant is nearly linear, and what limits the step is its oscillation. For s = i omega h the step multiplies by
-1 + s + ... + s^8/8! - 0.6 s^7/9!, and errs by about s^7 (s^2 + 0.6)/9!: a millionth of the amplitude at omega h = 1, where Butcher's
+1 + s + ... + s^8/8! - 0.6 s^7/9!, and errs by some s^7 (s^2 + 0.6)/9!: a millionth of the amplitude at omega h = 1, where Butcher's
 method of order 6 in 7 stages errs by 3/7! = 6e-4. For the same error its steps are more than twice as long.
 
 The coefficients solve the 37 conditions of order 6 and those of the two powers above, found by Newton's method from Butcher's
