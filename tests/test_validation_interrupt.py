@@ -21,7 +21,8 @@ def schedule(tmp_path, reference):
 
 
 def start(*arguments):
-    code = "from hydroctl.cli import main; main()"
+    # a shell's background jobs, and all that they start, ignore SIGINT
+    code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from hydroctl.cli import main; main()"
     return subprocess.Popen(
         [sys.executable, "-c", code, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
