@@ -74,7 +74,6 @@ def design(
     as_json: JsonOption = False,
 ) -> None:
     """Design a gain schedule, prove its margins, try it on the nonlinear plant, and write schedule, figures and summary."""
-    from .design import STAGES
     from .files import require_writable
 
     specification = hydroctl.Specification(
@@ -92,6 +91,8 @@ def design(
     )
     machine = _machine(actuator)
     require_writable(directory)
+    from .design import STAGES
+
     with _stages(len(STAGES) + 1) as begin:
         result = hydroctl.design(machine, loop=loop.value, structure=structure, specification=specification, on_stage=begin)
         begin("files")
