@@ -51,8 +51,8 @@ def design(
     """Operating points, linear families, second-order models and surfaces, gain schedule, fixed regulator, validation.
 
     The regulators are tuned on the third-order tangent models, whatever the error of the second order. `on_stage` is called with
-    the name of each of the STAGES as it begins. Raises InputError for
-    input that cannot be used, InfeasibleError where no regulator meets the specification.
+    the name of each of the STAGES as it begins. Raises InputError for input that cannot be
+    used, InfeasibleError where no regulator meets the specification.
     """
     specification = Specification() if specification is None else specification
     stage, seconds = _stopwatch(on_stage)

@@ -91,7 +91,11 @@ def stall_forces(p: Parameters):
 def force_at_rest(p: Parameters, x):
     """area_a p_a - area_b p_b in N with the piston held at rest at the opening x."""
     circuit = circuit_of(p, x)
-    p_d, p_r, _, _ = pressures(circuit, 0.0, _leakage_at_rest(circuit))
+    return _force_at_rest(circuit, _leakage_at_rest(circuit))
+
+
+def _force_at_rest(circuit: Circuit, q):
+    p_d, p_r, _, _ = pressures(circuit, 0.0, q)
     return circuit.sign * (circuit.area_d * p_d - circuit.area_r * p_r)
 
 
@@ -117,8 +121,7 @@ def _without_dry_friction(circuit: Circuit, p: Parameters, load):
 def _with_dry_friction(circuit: Circuit, p: Parameters, load, w, q):
     """(w, q) with the whole friction law, from the (w, q) without dry friction; a stuck piston keeps to w = 0."""
     at_rest = _leakage_at_rest(circuit)
-    p_d, p_r, _, _ = pressures(circuit, 0.0, at_rest)
-    if abs(circuit.sign * (circuit.area_d * p_d - circuit.area_r * p_r) - load) <= p.breakaway_friction:
+    if abs(_force_at_rest(circuit, at_rest) - load) <= p.breakaway_friction:
         return 0.0, at_rest
     return _newton(circuit, p, circuit.sign * load, w, q, True) if circuit.moves else (w, q)
 

@@ -10,12 +10,7 @@ from . import adaptive, motion, runge_kutta
 def step(z, x, load, p, h):
     """The state h seconds after z for the valve command x and the load (N)."""
     new = runge_kutta.step(z, x, load, p, h)
-    return controlled(z, x, load, p, h) if motion.bends(z, new, x, p) else new
-
-
-def controlled(z, x, load, p, h):
-    """The same with error control."""
-    return adaptive.advance(z, x, load, p, h)
+    return adaptive.advance(z, x, load, p, h) if motion.bends(z, new, x, p) else new
 
 
 def parts(delay_fraction, Ts, substeps):

@@ -52,7 +52,7 @@ class Loop:
     def __init__(self, motion: Motion, law: ModuleType, build: str):
         self.law = law
         modules = {"law": law, "motion": motion.motion, "runge_kutta": motion.runge_kutta, "careful": motion.careful}
-        modules["sensing"] = compiled(_sensing, "sensing")
+        modules |= {"adaptive": motion.adaptive, "sensing": compiled(_sensing, "sensing")}
         self.sampled = compiled(_sampled, f"{motion.build}_{build}", **modules)
         self.lanes = compiled(_lanes, f"{motion.build}_{build}", **modules)
         self.group = compiled(_group, f"{motion.build}_{build}", **modules)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from math import inf
 
 from ..plant import Parameters
-from . import careful, law, motion, runge_kutta, sensing
+from . import adaptive, careful, law, motion, runge_kutta, sensing
 
 LANES = 32
 VARIED = ("bulk_modulus", "mass", "supply_pressure", "viscous_friction", "load_force")
@@ -261,7 +261,7 @@ def _advance(w, queue, told, load, p, substeps, h):
         if bent > 0:
             for i in range(LANES):
                 if w[BENT + i] > 0.0:
-                    _put(w, NEW + i, careful.controlled(_state(w, P_A + i), w[TOLD + i], load + w[LOAD + i], _varied(w, i, p), h))
+                    _put(w, NEW + i, adaptive.advance(_state(w, P_A + i), w[TOLD + i], load + w[LOAD + i], _varied(w, i, p), h))
         for i in range(LANES):
             _put(w, P_A + i, _state(w, NEW + i))
 

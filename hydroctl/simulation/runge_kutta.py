@@ -28,32 +28,38 @@ B = (0.0854932262178371, 0.0, 0.0, 0.6276246829779845, 0.0, 0.4295799143125706, 
 
 
 def second(z, h, k):
-    """Where the second slope of a step of h seconds from z is taken; k holds the slopes before it. The next ones do the same."""
+    """Where the second slope of a step of h seconds from z is taken; k holds the slopes before it."""
     return plus(z, h * A[1][0], k[0])
 
 
 def third(z, h, k):
+    """The place of the third slope."""
     return plus(z, h * A[2][1], k[1])
 
 
 def fourth(z, h, k):
+    """The place of the fourth slope."""
     return plus(plus(z, h * A[3][1], k[1]), h * A[3][2], k[2])
 
 
 def fifth(z, h, k):
+    """The place of the fifth slope."""
     return plus(plus(plus(z, h * A[4][1], k[1]), h * A[4][2], k[2]), h * A[4][3], k[3])
 
 
 def sixth(z, h, k):
+    """The place of the sixth slope."""
     return plus(plus(plus(z, h * A[5][1], k[1]), h * A[5][3], k[3]), h * A[5][4], k[4])
 
 
 def seventh(z, h, k):
+    """The place of the seventh slope."""
     part = plus(plus(z, h * A[6][0], k[0]), h * A[6][1], k[1])
     return plus(plus(plus(part, h * A[6][3], k[3]), h * A[6][4], k[4]), h * A[6][5], k[5])
 
 
 def eighth(z, h, k):
+    """The place of the eighth slope."""
     part = plus(plus(plus(z, h * A[7][0], k[0]), h * A[7][1], k[1]), h * A[7][2], k[2])
     return plus(plus(plus(part, h * A[7][3], k[3]), h * A[7][4], k[4]), h * A[7][6], k[6])
 
