@@ -26,8 +26,18 @@ LOOPS = ("velocity", "position")
 _PRESSURE_SCALE = 1e6
 _WORST_CONDITION = 1e6
 """of eigenvectors that are used"""
-_LOWEST_FREQUENCY = 1e-4
+LOWEST_FREQUENCY = 1e-4
 """of the Nyquist frequency"""
+_ABOUT_A_MODE = 51
+"""frequencies about each oscillating mode"""
+_REACH = 0.3
+"""how far they reach, over the frequency of the mode; at least three times its width"""
+_SMOOTH = 0.5
+"""damping from which the logarithmic frequencies are dense enough for a mode"""
+_SHARPEST = 1e-9
+"""half-power width, over the Nyquist frequency, below which a mode is looked at as if it had that one"""
+_FADED = 1e-12
+"""size below which a sampled pole is a delay"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,12 +185,34 @@ def _continuous(family: LinearFamily, loop: str):
     return A, B, output
 
 
-def frequency_grid(plant: SampledFamily, *, points: int = 120, around_resonance: int = 50) -> np.ndarray:
-    """(..., n) rad/s, ascending, from 1e-4 of the Nyquist frequency to it: logarithmic, plus dense around each resonance."""
+def frequency_grid(plant: SampledFamily, *, points: int = 120) -> np.ndarray:
+    """(..., n) rad/s, ascending, from 1e-4 of the Nyquist frequency to it: logarithmic, plus dense about
+    every lightly damped mode where the sampler shows it: one above the Nyquist frequency at its alias.
+    """
     nyquist = np.pi / plant.sample_time
-    coarse = np.geomspace(_LOWEST_FREQUENCY * nyquist, nyquist, points)
-    natural, damping = (plant.resonance[..., i, None] for i in range(2))
-    width = np.clip(3.0 * damping, 0.02, 0.9)
-    dense = natural * (1.0 + width * np.linspace(-1.0, 1.0, around_resonance))
-    grid = np.concatenate([np.broadcast_to(coarse, (*plant.shape, points)), np.minimum(dense, nyquist)], axis=-1)
-    return np.sort(grid, axis=-1)
+    coarse = np.geomspace(LOWEST_FREQUENCY * nyquist, nyquist, points)
+    dense = about_modes(plant.eigenvalues, plant.sample_time)
+    return merged(np.broadcast_to(coarse, (*plant.shape, points)), dense)
+
+
+def about_modes(poles: np.ndarray, sample_time: float) -> np.ndarray:
+    """(..., n) rad/s: frequencies about each oscillating pair of the sampled `poles` (..., m), as many as the
+    member with the most of them needs; they lie closest where the pair is, within its half-power width.
+    """
+    nyquist = np.pi / sample_time
+    s = np.log(np.where(np.abs(poles) < _FADED, _FADED, poles).astype(complex)) / sample_time
+    frequency, decay = np.where(s.imag > 0.0, s.imag, 0.0), np.maximum(np.abs(s.real), _SHARPEST * nyquist)
+    damping = np.where(frequency > 0.0, decay / np.where(frequency > 0.0, frequency, 1.0), np.inf)
+    count = int((damping < _SMOOTH).sum(axis=-1).max(initial=0))
+    kept = np.argsort(damping, axis=-1)[..., :count]
+    centre, width = (np.take_along_axis(part, kept, axis=-1)[..., None] for part in (frequency, decay))
+    reach = np.maximum(_REACH * centre, 3.0 * width)
+    offset = width * np.sinh(np.linspace(-1.0, 1.0, _ABOUT_A_MODE) * np.arcsinh(reach / width))
+    omega = np.abs(centre + offset)
+    omega = np.where(omega > nyquist, 2.0 * nyquist - omega, omega)
+    return np.clip(omega, _SHARPEST * nyquist, nyquist).reshape(*poles.shape[:-1], -1)
+
+
+def merged(*grids: np.ndarray) -> np.ndarray:
+    """(..., n): rows of frequencies of the same leading shape as one, ascending."""
+    return np.sort(np.concatenate(grids, axis=-1), axis=-1)

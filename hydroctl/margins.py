@@ -7,15 +7,38 @@ r --->(+)--- e --> C --> x --> G --+--> m          S = 1/(1 + L)     Ms = max |S
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from .frequency import SampledFamily, frequency_grid
+from .frequency import LOWEST_FREQUENCY, SampledFamily, about_modes, frequency_grid, merged
 from .regulators import Regulators, series
 
-MARGIN_UNITS = {"Ms": "1", "Mt": "1", "gain_margin": "1", "phase_margin": "rad", "delay_margin": "s", "crossover": "rad/s"}
+MARGIN_UNITS = {
+    "Ms": "1",
+    "Mt": "1",
+    "gain_margin": "1",
+    "gain_reduction_margin": "1",
+    "phase_margin": "rad",
+    "delay_margin": "s",
+    "crossover": "rad/s",
+}
 """the margins that reports and files state"""
+SMALLER_IS_BETTER = ("Ms", "Mt", "gain_reduction_margin")
+"""the margins that are worst where they are largest"""
+_AT_REST = 1e-5
+"""of the lowest frequency of `frequency_grid`, below which a mode is an integrator"""
+_BELOW = 10
+"""frequencies for each decade below it"""
+_DIRECT = 1e-8
+"""of it, which stands for frequency 0"""
+_INFINITE = 1e9
+"""|L| from which its phase is that of integrators and rounding"""
+_REAL = 1e-9
+"""relative imaginary part up to which L at the end of the frequencies is real"""
+_RIVALS = 3
+"""how many of the largest peaks on the grid are refined"""
 _PEAK_WIDTH = 1e-5
 """relative frequency to which a peak is found; its height is then known to about the square"""
 
@@ -63,6 +86,8 @@ class Margins:
     """1 / max |S - 1/2|: gain may change by (2 - d)/(2 + d) ... (2 + d)/(2 - d), phase by 2 atan(d/2), at once"""
     gain_margin: np.ndarray
     """smallest factor above 1 that brings L to -1"""
+    gain_reduction_margin: np.ndarray
+    """largest factor below 1 that brings L to -1, of a loop that is only conditionally stable; 0: none does"""
     phase_margin: np.ndarray
     """smallest phase, of either sign, that brings L to -1"""
     delay_margin: np.ndarray
@@ -99,28 +124,46 @@ class Crossings:
 def analyse(loop, omega=None) -> Margins:
     """Margins of every loop in `loop`: anything with `shape`, `frequency_response`, `take` and `poles` of `Loop`.
 
-    `omega` (..., n) in rad/s must be dense enough to hold every crossing and resonance; by default `frequency_grid`.
+    `omega` (..., n) in rad/s must be dense enough to hold every crossing and resonance; by default `loop_grid`.
     """
-    flat, omega = _flat(loop, omega)
+    flat = _flat(loop)
+    poles = flat.poles()
+    omega = loop_grid(flat, poles) if omega is None else _rows(loop, omega)
     L = flat.frequency_response(omega)
     gains = _crossings(flat, omega, L, lambda value: np.abs(value) - 1.0)
-    phases = _crossings(flat, omega, L, np.imag).select(lambda response: response.real < 0.0)
-    size = omega.shape[0]
-    factor = 1.0 / np.abs(phases.response)
-    phase = gains.phase_margins()
+    phases = _phase_crossings(flat, omega, L)
+    found = _from_crossings(omega.shape[0], gains, phases)
+    for name, function in (("Ms", _sensitivity), ("Mt", _complementary)):
+        found[name], found[f"{name}_frequency"] = _peak(flat, omega, L, function)
+        for crossings in (gains, phases):
+            _raise_to(found[name], found[f"{name}_frequency"], crossings, function)
+    found["disk_margin"] = 1.0 / _peak(flat, omega, L, lambda value: np.abs(1.0 / (1.0 + value) - 0.5))[0]
+    found["stable"] = np.abs(poles).max(axis=-1) < 1.0
+    shaped = {name: values.reshape(loop.shape) for name, values in found.items()}
+    return Margins(**shaped, gain_crossings=gains, phase_crossings=phases)
+
+
+def _from_crossings(size: int, gains: Crossings, phases: Crossings) -> dict[str, np.ndarray]:
+    """The margins (size,) that crossings define, by name."""
+    factor, phase = 1.0 / np.abs(phases.response), gains.phase_margins()
+    up, down = factor > 1.0, factor < 1.0
     lag = np.mod(phase, 2.0 * np.pi)
-    worst = {
-        "gain_margin": _least(size, phases.index[factor > 1.0], factor[factor > 1.0]),
+    return {
+        "gain_margin": _least(size, phases.index[up], factor[up]),
+        "gain_reduction_margin": np.maximum(-_least(size, phases.index[down], -factor[down]), 0.0),
         "phase_margin": _least(size, gains.index, np.abs(phase)),
         "delay_margin": _least(size, gains.index, lag / gains.omega),
         "crossover": np.maximum(-_least(size, gains.index, -gains.omega), 0.0),
     }
-    (Ms, Ms_frequency), (Mt, Mt_frequency) = (_peak(flat, omega, L, function) for function in (_sensitivity, _complementary))
-    disk, _ = _peak(flat, omega, L, lambda value: np.abs(1.0 / (1.0 + value) - 0.5))
-    peaks = {"Ms": Ms, "Ms_frequency": Ms_frequency, "Mt": Mt, "Mt_frequency": Mt_frequency, "disk_margin": 1.0 / disk}
-    stable = np.abs(flat.poles()).max(axis=-1) < 1.0
-    shaped = {name: values.reshape(loop.shape) for name, values in (worst | peaks | {"stable": stable}).items()}
-    return Margins(**shaped, gain_crossings=gains, phase_crossings=phases)
+
+
+def _raise_to(peak, where, crossings: Crossings, function) -> None:
+    """Raise the peaks, and move them, to those crossings at which `function` is larger: no margin may contradict another."""
+    value = function(crossings.response)
+    higher = np.nonzero(value > peak[crossings.index])[0]
+    rising = higher[np.argsort(value[higher])]
+    index = crossings.index[rising]
+    peak[index], where[index] = value[rising], crossings.omega[rising]
 
 
 def peaks(loop, functions, *, omega=None, floor: float = -np.inf):
@@ -128,17 +171,34 @@ def peaks(loop, functions, *, omega=None, floor: float = -np.inf):
 
     `omega` as in `analyse`. A peak whose value on that grid is below `floor` is taken from the grid.
     """
-    flat, omega = _flat(loop, omega)
+    flat = _flat(loop)
+    omega = loop_grid(flat, flat.poles()) if omega is None else _rows(loop, omega)
     L = flat.frequency_response(omega)
     found = zip(*(_peak(flat, omega, L, function, floor) for function in functions), strict=True)
     return tuple(np.stack(parts, axis=-1).reshape(*loop.shape, -1) for parts in found)
 
 
-def _flat(loop, omega):
-    """The loops along one axis, with a row of frequencies each."""
-    omega = frequency_grid(loop.plant) if omega is None else omega
-    omega = np.broadcast_to(omega, (*loop.shape, np.shape(omega)[-1])).reshape(-1, np.shape(omega)[-1])
-    return loop.take(np.arange(omega.shape[0])), omega
+def loop_grid(loop, poles: np.ndarray) -> np.ndarray:
+    """(..., n) rad/s, ascending: those of `frequency_grid`, with those about the closed loop's own modes and
+    down to a tenth of the slowest mode, open or closed; `poles` (..., m) are `loop.poles()`."""
+    omega, Ts = frequency_grid(loop.plant), loop.plant.sample_time
+    lowest = np.full((*poles.shape[:-1], 1), LOWEST_FREQUENCY * np.pi / Ts)
+    modes = np.concatenate([loop.plant.eigenvalues, poles], axis=-1)
+    speed = np.abs(np.log(np.where(modes == 0.0, 1.0, modes).astype(complex))) / Ts
+    slowest = np.where(speed > _AT_REST * lowest, speed, np.inf).min(axis=-1, keepdims=True)
+    depth = np.log10(np.maximum(lowest / (0.1 * slowest), 1.0))
+    shares = np.linspace(0.0, 1.0, 1 + math.ceil(_BELOW * depth.max(initial=0.0)))
+    return merged(omega, about_modes(poles, Ts), lowest * 10.0 ** (-depth * shares), _DIRECT * lowest)
+
+
+def _flat(loop):
+    """The loops along one axis."""
+    return loop.take(np.arange(math.prod(loop.shape)))
+
+
+def _rows(loop, omega) -> np.ndarray:
+    """A row of the frequencies `omega` for each of the loops along one axis."""
+    return np.broadcast_to(omega, (*loop.shape, np.shape(omega)[-1])).reshape(-1, np.shape(omega)[-1])
 
 
 def _sensitivity(L):
@@ -172,25 +232,42 @@ def _crossings(loop, omega, L, function) -> Crossings:
     return Crossings(row, found.x, at(found.x, row))
 
 
+def _phase_crossings(loop, omega, L) -> Crossings:
+    """Where L crosses the negative real axis, the Nyquist frequency included, at which every sampled L is real."""
+    inside = _crossings(loop, omega[:, :-1], L[:, :-1], np.imag)
+    last = L[:, -1]
+    row = np.nonzero(np.abs(last.imag) <= _REAL * np.abs(last))[0]
+    others = np.setdiff1d(np.arange(len(last)), row)
+    beyond = _crossings(loop.take(others), omega[others, -2:], L[others, -2:], np.imag)
+    parts = (inside, Crossings(row, omega[row, -1], last[row]), replace(beyond, index=others[beyond.index]))
+    joined = (np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Crossings))
+    return Crossings(*joined).select(lambda response: (response.real < 0.0) & (np.abs(response) < _INFINITE))
+
+
 def _peak(loop, omega, L, function, floor=-np.inf):
-    """(maximum of function(L) over frequency, where), refined between the grid points next to the largest value."""
+    """(maximum of function(L) over frequency, where): the largest grid values that top their neighbours, each refined
+    between these; those not above `floor` are taken from the grid."""
     from scipy.optimize import elementwise
 
     values = function(L)
+    every = np.arange(len(values))
     top = np.argmax(values, axis=-1)
-    every = np.arange(len(top))
     peak, where = values[every, top], omega[every, top]
-    row = np.nonzero((where > omega[:, 0]) & (where < omega[:, -1]) & (peak > floor))[0]
+    inner = values[:, 1:-1]
+    height = np.where((inner >= values[:, :-2]) & (inner > values[:, 2:]) & (inner > floor), inner, -np.inf)
+    rank = np.argpartition(-height, _RIVALS - 1, axis=-1)[:, :_RIVALS]
+    row, rival = np.nonzero(np.take_along_axis(height, rank, axis=-1) > -np.inf)
     if row.size:
-        some, grid, centre = loop.take(row), omega[row], where[row]
-        below = np.where(grid < centre[:, None], grid, -np.inf).max(axis=1)
-        above = np.where(grid > centre[:, None], grid, np.inf).min(axis=1)
+        some, centre = loop.take(row), omega[row, rank[row, rival] + 1]
+        below = np.where(omega[row] < centre[:, None], omega[row], 0.0).max(axis=1)
+        above = np.where(omega[row] > centre[:, None], omega[row], np.inf).min(axis=1)
 
         def negative(w, index):
             return -function(some.take(index.astype(int)).frequency_response(w[:, None])[:, 0])
 
         local = np.arange(row.size, dtype=float)
         found = elementwise.find_minimum(negative, (below, centre, above), args=(local,), tolerances={"xrtol": _PEAK_WIDTH})
-        better = -found.f_x > peak[row]
+        order = np.argsort(-found.f_x)
+        better = order[-found.f_x[order] > peak[row[order]]]
         peak[row[better]], where[row[better]] = -found.f_x[better], found.x[better]
     return peak, where

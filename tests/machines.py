@@ -73,17 +73,20 @@ def imbalance(*arguments, **keywords) -> float:
     return max(abs(sum(terms)) / max(map(abs, terms)) for terms in balances(*arguments, **keywords))
 
 
-@st.composite
-def machines(draw) -> Actuator:
-    """Physically valid machines over the sizes that are built: bores 25 to 500 mm, 50 to 350 bar, 1 kg to 100 t."""
+def made_machine(uniform) -> Actuator:
+    """A physically valid machine of a size that is built: bores 25 to 500 mm, 50 to 350 bar, 1 kg to 100 t; `uniform(low, high)`
+    draws each number."""
 
     def between(low, high):
         """Evenly in the logarithm."""
-        return float(np.exp(draw(st.floats(np.log(low), np.log(high)))))
+        return float(np.exp(uniform(np.log(low), np.log(high))))
+
+    def perhaps(value):
+        return value if uniform(0.0, 1.0) >= 0.5 else 0.0
 
     bore, stroke, supply = between(0.025, 0.5), between(0.05, 5.0), between(50e5, 350e5)
     area_a = np.pi / 4 * bore**2
-    area_b = area_a * draw(st.floats(0.3, 1.0))
+    area_b = area_a * uniform(0.3, 1.0)
     dead_a, dead_b = between(0.01, 0.5) * area_a * stroke, between(0.01, 0.5) * area_b * stroke
     flow = between(0.02, 1.0) * area_a / np.sqrt(supply / 2)  # 0.02 to 1 m/s at half the supply pressure
     return Actuator(
@@ -93,15 +96,27 @@ def machines(draw) -> Actuator:
         volume_a=dead_a,
         volume_b=dead_b + area_b * stroke,
         bulk_modulus=between(0.5e9, 2e9),
-        leakage=draw(st.sampled_from([0.0, 1.0])) * between(1e-5, 1e-2) * flow / np.sqrt(supply),
+        leakage=perhaps(between(1e-5, 1e-2) * flow / np.sqrt(supply)),
         flow_coefficient=flow,
-        flow_coefficient_b=flow * draw(st.floats(0.4, 1.5)),
+        flow_coefficient_b=flow * uniform(0.4, 1.5),
         supply_pressure=supply,
-        tank_pressure=draw(st.floats(0.0, 10e5)),
+        tank_pressure=uniform(0.0, 10e5),
         mass=between(1.0, 1e5),
-        viscous_friction=draw(st.sampled_from([0.0, 1.0])) * between(10.0, 1e5),
-        load_force=draw(st.floats(-0.2, 0.2)) * area_b * supply,
+        viscous_friction=perhaps(between(10.0, 1e5)),
+        load_force=uniform(-0.2, 0.2) * area_b * supply,
     )
+
+
+def with_lag(machine: Actuator, uniform) -> Actuator:
+    """`machine` with a valve of 10 to 300 Hz, some of them hardly damped."""
+    frequency, damping = (np.exp(uniform(np.log(low), np.log(high))) for low, high in ((60.0, 2000.0), (0.002, 1.2)))
+    return machine.replace(valve_natural_frequency=frequency, valve_damping=damping)
+
+
+@st.composite
+def machines(draw) -> Actuator:
+    """Those of `made_machine`."""
+    return made_machine(lambda low, high: draw(st.floats(low, high)))
 
 
 @st.composite
