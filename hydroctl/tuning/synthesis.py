@@ -12,12 +12,12 @@ from ..regulators import Regulators
 from ..schedule import GainSchedule, design_pressure_drops, sampled_plants, with_midpoints
 from ..specification import Specification
 from .limits import between_points, limits_of, phrase
-from .nodes import candidates, choose_nodes, mixing_matrix
+from .nodes import choose_nodes, mixing_matrix
 from .refinement import Problem, broken, exact_gains, rough_gains
 from .task import Task, task_of
 
 _WINDUP_SHARE, _LEAST_WINDUP_SAMPLES = 0.25, 10
-_DENSER = 5
+_DENSER = 9
 _LOW_FLOW = 0.1
 
 
@@ -51,14 +51,13 @@ def schedule_for(task: Task) -> GainSchedule:
 
 def _scheduled(task: Task) -> GainSchedule:
     """The schedule that keeps every limit at the points of `task`."""
-    coarse = task.part(*candidates(task.x, task.y))
-    alone = rough_gains(Problem.pointwise(coarse))
-    best = alone[:, task.objective].reshape(coarse.notch_frequency.shape)
-    rows, columns = choose_nodes(coarse.x, coarse.y, best)
-    nodes, at_nodes = (coarse.x[rows], coarse.y[columns]), np.ravel_multi_index(np.ix_(rows, columns), best.shape)
-    frequency = coarse.notch_frequency.ravel()[at_nodes]
+    alone = rough_gains(Problem.pointwise(task))
+    best = alone[:, task.objective].reshape(task.notch_frequency.shape)
+    rows, columns = choose_nodes(task.x, task.y, best)
+    nodes, at_nodes = (task.x[rows], task.y[columns]), np.ravel_multi_index(np.ix_(rows, columns), best.shape)
+    frequency = task.notch_frequency.ravel()[at_nodes]
     mix = mixing_matrix(*nodes, task.x, task.y)
-    worth = 1.0 / (mixing_matrix(coarse.x, coarse.y, task.x, task.y) @ best.ravel())
+    worth = 1.0 / best.ravel()
     problem = Problem(task, (mix @ frequency.ravel()).reshape(task.notch_frequency.shape), mix, worth)
     gains = exact_gains(problem, alone[at_nodes.ravel()])
     _require_crossover(task, problem.regulators(gains))
