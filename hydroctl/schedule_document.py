@@ -253,7 +253,7 @@ class Design(_Part):
     min_crossover: Frequency | None
     notch_ratio: Positive = 1.0
     """notch frequency over the natural frequency of the nominal plant, as designed; left out of the file where it is 1"""
-    uncertainty: str | dict[str, tuple[Positive, Positive]]
+    uncertainty: str | dict[str, tuple[Positive, Positive] | tuple[str, str]]
     achieved: Margins
 
     @model_validator(mode="after")
