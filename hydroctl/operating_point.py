@@ -90,8 +90,8 @@ _REASONS = (
     "Newton's method did not converge. Check that the parameters are physical.",
     "a chamber would fall below tank pressure (p_a = {p_a:.4g} Pa, p_b = {p_b:.4g} Pa, tank {machine.tank_pressure:.4g} Pa): the "
     "load drives the piston and the fluid cavitates. Lower the load or the opening.",
-    "a chamber would rise above supply pressure (p_a = {p_a:.4g} Pa, p_b = {p_b:.4g} Pa, supply {machine.supply_pressure:.4g} Pa). "
-    "Lower the load.",
+    "fluid would flow back through an open edge (p_a = {p_a:.4g} Pa, p_b = {p_b:.4g} Pa, supply {machine.supply_pressure:.4g} Pa, "
+    "tank {machine.tank_pressure:.4g} Pa): leakage under the load outweighs the valve. Lower the load or take a larger |x|.",
     "the speed of {v:.3g} m/s is below twice creep_speed = {machine.creep_speed:g} m/s, where the law of dry friction stands for "
     "rest. Take a larger |x| or lower creep_speed.",
 )
