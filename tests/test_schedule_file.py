@@ -62,6 +62,16 @@ def test_ranges_in_units_are_kept_as_they_were_stated(reference, tmp_path):
     assert "load_force 20 kN, mass -50 %" in again.margins.variants
 
 
+def test_an_inclined_machine_with_a_rating_is_kept_and_a_plain_one_written_as_before(reference, tmp_path):
+    for changes in ({"inclination": 0.5, "pressure_rating": 5e7}, {}):
+        machine = reference.replace(**changes)
+        made = hc.tune(machine, [-0.5, 0.5], [0.25], specification=hc.Specification(uncertainty="nominal"))
+        path = made.save(tmp_path / "schedule.json")
+        stated = json.loads(path.read_text())["actuator"]["parameters"]
+        assert {name for name in stated if name in ("inclination", "pressure_rating")} == set(changes)
+        assert hc.load_schedule(path).actuator == machine
+
+
 @pytest.mark.parametrize("path", sorted(DATA.glob("schedule_version_*.json")), ids=lambda path: path.stem)
 def test_every_older_version_is_read_as_it_was_meant(path, tmp_path):
     given, read = json.loads(path.read_text()), hc.load_schedule(path)

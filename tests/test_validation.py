@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from loops import schedule
 
+from machines import total_load
 import hydroctl as hc
 from hydroctl.errors import InputError
 from hydroctl.simulation import Scenario, Trajectory
@@ -216,7 +217,7 @@ def test_tracking_references_stay_within_what_the_machine_can_do(loop, name):
             assert 0.0 < scenario.reference.min() <= scenario.reference.max() < actuator.stroke
         if scenario.initial is not None:
             force = actuator.area_a * scenario.initial.p_a - actuator.area_b * scenario.initial.p_b
-            assert force == pytest.approx(actuator.load_force, abs=1e-9 * actuator.area_a * actuator.supply_pressure)
+            assert force == pytest.approx(total_load(actuator), abs=1e-9 * actuator.area_a * actuator.supply_pressure)
             for pressure in scenario.initial[:2]:
                 assert actuator.tank_pressure < pressure < actuator.supply_pressure
 
