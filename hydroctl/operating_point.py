@@ -52,6 +52,12 @@ class OperatingPoints:
         return self._fault == 0
 
     @property
+    def above_rating(self) -> np.ndarray:
+        """True where a chamber passes the actuator's `pressure_rating`; nowhere where none is stated."""
+        rating = np.inf if self.actuator.pressure_rating is None else self.actuator.pressure_rating
+        return np.maximum(self.p_a, self.p_b) > rating
+
+    @property
     def reason(self) -> np.ndarray:
         """Texts: empty where the point is feasible, else what is wrong and the way out."""
         texts = np.full(self.shape, "", dtype=object)
