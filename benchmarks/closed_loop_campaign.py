@@ -35,7 +35,7 @@ def rows(*, smallest: bool) -> list[Row]:
     given = {"scenarios": asked, "spread": SPREAD}
     machine, scenario, trajectory = replay(actuator, schedule, 1 << 32, **given)
     start = list(hc.rest_state(machine, 0.25))[:4]
-    slope = slope_function(machine, machine.load_force)
+    slope = slope_function(machine, machine.constant_load)
 
     def closed_loop(advance):
         pid, z, before, y = PlainPID(schedule), np.array(start), 0.0, []

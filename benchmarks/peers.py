@@ -31,7 +31,7 @@ class Plant(NamedTuple):
     tank_pressure: float
     mass: float
     viscous_friction: float
-    load_force: float
+    constant_load: float
 
 
 def plant_of(actuator: Actuator) -> Plant:
@@ -82,7 +82,7 @@ def slopes(p, z, x, where, root):
     return (
         p.bulk_modulus / (p.volume_a + p.area_a * y) * (q_a - p.area_a * v - leak),
         p.bulk_modulus / (p.volume_b - p.area_b * y) * (p.area_b * v + leak - q_b),
-        (p.area_a * p_a - p.area_b * p_b - p.viscous_friction * v - p.load_force) / p.mass,
+        (p.area_a * p_a - p.area_b * p_b - p.viscous_friction * v - p.constant_load) / p.mass,
         v,
     )
 

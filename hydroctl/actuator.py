@@ -24,8 +24,12 @@ from typing import Any
 
 from .errors import InputError, shown, unknown_name
 
+STANDARD_GRAVITY = 9.80665
+"""m/s^2"""
 _FOLLOWS = {"flow_coefficient_b": "flow_coefficient", "breakaway_friction": "coulomb_friction"}
 """Parameters that, left out, equal another one."""
+ADDED_LATER = ("inclination", "pressure_rating")
+"""Parameters that older files lack: at their defaults, files and fingerprints leave them out, and stay as they were."""
 
 
 def _parameter(
@@ -35,9 +39,10 @@ def _parameter(
     above: float = -math.inf,
     least: float = -math.inf,
     below: float = math.inf,
+    most: float = math.inf,
     default: Any = dataclasses.MISSING,
 ):
-    metadata = {"unit": unit, "text": text, "above": above, "least": least, "below": below}
+    metadata = {"unit": unit, "text": text, "above": above, "least": least, "below": below, "most": most}
     return field(default=default, metadata=metadata)
 
 
@@ -74,7 +79,14 @@ class Actuator:
         "m/s", "speed at which breakaway friction has fallen half way to coulomb_friction", above=0, default=None
     )
     creep_speed: float = _parameter("m/s", "speed scale below which dry friction stands for rest", above=0, default=1e-3)
-    load_force: float = _parameter("N", "constant load, positive against extension", default=0.0)
+    load_force: float = _parameter("N", "constant load, besides weight by inclination, positive against extension", default=0.0)
+    inclination: float = _parameter(
+        "rad",
+        "angle of the axis above the horizontal, positive where extension lifts the mass",
+        least=-math.pi / 2.0,
+        most=math.pi / 2.0,
+        default=0.0,
+    )
     end_stop_stiffness: float = _parameter("N/m", "contact stiffness of both end stops (0: no stops)", least=0, default=0.0)
     end_stop_damping: float = _parameter("s/m", "relative rise of the contact force per speed of approach", least=0, default=0.0)
     valve_natural_frequency: float | None = _parameter(
@@ -85,6 +97,9 @@ class Actuator:
         "1/s", "largest spool speed in full openings per second (default: none)", above=0, default=None
     )
     dead_band: float = _parameter("", "overlap of the valve on both sides of x = 0, as x", least=0, below=1, default=0.0)
+    pressure_rating: float | None = _parameter(
+        "Pa", "pressure that the chambers may reach (default: not stated)", above=0, default=None
+    )
 
     def __post_init__(self):
         if faults := field_faults({f.name: getattr(self, f.name) for f in dataclasses.fields(self)}):
@@ -107,13 +122,28 @@ class Actuator:
         follow = {name: None for name, leader in _FOLLOWS.items() if getattr(self, name) == getattr(self, leader)}
         return dataclasses.replace(self, **follow | changes)
 
+    @property
+    def axial_gravity(self) -> float:
+        """g sin(inclination) in m/s^2, positive against extension."""
+        return STANDARD_GRAVITY * math.sin(self.inclination)
+
+    @property
+    def constant_load(self) -> float:
+        """load_force + mass g sin(inclination): all that loads the piston at rest, in N, positive against extension."""
+        return self.load_force + self.mass * self.axial_gravity
+
     def parameters(self) -> dict[str, float | None]:
         """All physical parameters by name, in SI; None where an effect has none."""
         return {name: getattr(self, name) for name in PARAMETERS}
 
+    def recorded_parameters(self) -> dict[str, float | None]:
+        """`parameters()` as fingerprints and files hold them: without those of ADDED_LATER that have their default."""
+        at_default = {name for name in ADDED_LATER if getattr(self, name) == PARAMETERS[name].default}
+        return {name: value for name, value in self.parameters().items() if name not in at_default}
+
     def fingerprint(self) -> str:
         """SHA-256 of the physical parameters (not of name, source and note): equal machines, equal fingerprints."""
-        return hashlib.sha256(json.dumps(self.parameters(), sort_keys=True).encode()).hexdigest()
+        return hashlib.sha256(json.dumps(self.recorded_parameters(), sort_keys=True).encode()).hexdigest()
 
     def to_toml(self) -> str:
         """This machine as a data sheet in SI, which `load_actuator` reads back to an equal `Actuator`, bit for bit."""
@@ -195,6 +225,8 @@ def field_fault(name: str, value: object) -> str | None:
         return f"{name} = {value:g}{suffix} must be above {spec.metadata['above']:g} ({spec.metadata['text']})."
     if value < spec.metadata["least"]:
         return f"{name} = {value:g}{suffix} must be at least {spec.metadata['least']:g} ({spec.metadata['text']})."
+    if value > spec.metadata["most"]:
+        return f"{name} = {value:g}{suffix} must be at most {spec.metadata['most']:g} ({spec.metadata['text']})."
     if value >= spec.metadata["below"]:
         return f"{name} = {value:g}{suffix} must be below {spec.metadata['below']:g} ({spec.metadata['text']})."
     return None

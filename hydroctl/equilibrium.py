@@ -27,12 +27,12 @@ import numpy as np
 from . import plant
 from .plant import Parameters
 
-OPENING, STROKE, OVERLAP, CLOSED, STALLED, STUCK, NOT_CONVERGED, CAVITATION, ABOVE_SUPPLY, CREEPING = range(1, 11)
+OPENING, STROKE, OVERLAP, CLOSED, STALLED, STUCK, NOT_CONVERGED, CAVITATION, REVERSED, CREEPING = range(1, 11)
 """What may be wrong with an operating point; 0 is nothing."""
 _NEWTON_STEPS = 80
 _RESIDUAL_LIMIT = 1e-9
 _SLACK = 1e-9
-"""of the supply pressure, by which a chamber may pass supply or tank pressure"""
+"""of the supply pressure: as much of a pressure drop below zero is taken for rounding"""
 
 
 class Circuit(NamedTuple):
@@ -166,7 +166,11 @@ def _imbalance(one, two, three):
 
 
 def judge(p: Parameters, x, load, p_a, p_b, v, residual):
-    """What is wrong with the point at the spool position x: the first fault that holds, or 0."""
+    """What is wrong with the point at the spool position x: the first fault that holds, or 0.
+
+    A chamber above supply pressure is no fault: a weight on the outlet of a narrow edge raises it, and the fluid flows on to tank.
+    It is one where fluid would flow back through an open edge, which takes leakage.
+    """
     dry, slack = p.breakaway_friction > 0.0, _SLACK * p.supply_pressure
     if abs(x) > 1.0:
         return OPENING
@@ -183,8 +187,9 @@ def judge(p: Parameters, x, load, p_a, p_b, v, residual):
         return NOT_CONVERGED
     if min(p_a, p_b) < p.tank_pressure - slack:
         return CAVITATION
-    if max(p_a, p_b) > p.supply_pressure + slack:
-        return ABOVE_SUPPLY
+    drop_a, drop_b = plant.pressure_drops(p_a, p_b, x, p)
+    if min(drop_a, drop_b) < -slack:
+        return REVERSED
     if dry and abs(v) < 2.0 * p.creep_speed:
         return CREEPING
     return 0

@@ -29,7 +29,7 @@ class OperatingPoints:
     y: np.ndarray
     """position, m"""
     load_force: np.ndarray
-    """the whole constant load, positive against extension, N"""
+    """the whole constant load, weight included, positive against extension, N"""
     p_a: np.ndarray
     """pressure in the cap-side chamber, Pa"""
     p_b: np.ndarray
@@ -50,6 +50,12 @@ class OperatingPoints:
     def feasible(self) -> np.ndarray:
         """True where the point can be linearized and used."""
         return self._fault == 0
+
+    @property
+    def above_rating(self) -> np.ndarray:
+        """True where a chamber passes the actuator's `pressure_rating`; nowhere where none is stated."""
+        rating = np.inf if self.actuator.pressure_rating is None else self.actuator.pressure_rating
+        return np.maximum(self.p_a, self.p_b) > rating
 
     @property
     def reason(self) -> np.ndarray:
@@ -83,15 +89,15 @@ _REASONS = (
     "|x| is within the dead band of {machine.dead_band:g}, so the valve is closed. Take a larger |x|.",
     "the valve is closed, so leakage settles the pressures and the flow has no derivative there (at zero leakage every pair of "
     "pressures that holds the load is at rest). Take |x| >= 1e-4 with the sign of the side you need.",
-    "load_force = {load:g} N is at or beyond the stall force of {stall:g} N in this direction. Lower the load or raise "
+    "the load of {load:g} N is at or beyond the stall force of {stall:g} N in this direction. Lower the load or raise "
     "supply_pressure.",
-    "the piston is stuck: the {left:g} N that pressure and load_force = {load:g} N leave at rest do not exceed breakaway_friction "
+    "the piston is stuck: the {left:g} N that pressure and a load of {load:g} N leave at rest do not exceed breakaway_friction "
     "= {machine.breakaway_friction:g} N. Lower the load or raise supply_pressure.",
     "Newton's method did not converge. Check that the parameters are physical.",
     "a chamber would fall below tank pressure (p_a = {p_a:.4g} Pa, p_b = {p_b:.4g} Pa, tank {machine.tank_pressure:.4g} Pa): the "
     "load drives the piston and the fluid cavitates. Lower the load or the opening.",
-    "a chamber would rise above supply pressure (p_a = {p_a:.4g} Pa, p_b = {p_b:.4g} Pa, supply {machine.supply_pressure:.4g} Pa). "
-    "Lower the load.",
+    "fluid would flow back through an open edge (p_a = {p_a:.4g} Pa, p_b = {p_b:.4g} Pa, supply {machine.supply_pressure:.4g} Pa, "
+    "tank {machine.tank_pressure:.4g} Pa): leakage under the load outweighs the valve. Lower the load or take a larger |x|.",
     "the speed of {v:.3g} m/s is below twice creep_speed = {machine.creep_speed:g} m/s, where the law of dry friction stands for "
     "rest. Take a larger |x| or lower creep_speed.",
 )
@@ -106,13 +112,13 @@ def stall_force(actuator: Actuator, x) -> np.ndarray:
 def find_operating_points(actuator: Actuator, x, y, *, load_force=0.0) -> OperatingPoints:
     """Equilibria at valve openings x in [-1, 1] and positions y in m; arrays broadcast (`x[:, None], y` makes a grid).
 
-    `load_force` in N is added to `actuator.load_force`. x = 0.0 and x = -0.0 are the two one-sided limits at zero leakage; they
+    `load_force` in N is added to `actuator.constant_load`. x = 0.0 and x = -0.0 are the two one-sided limits at zero leakage; they
     are flagged, because no derivative exists there. Values at a flagged point are those of the equations with signed flows; a
     piston that dry friction holds is flagged and at rest.
     Raises InputError for input that is not finite, OperatingPointError for a scalar call without a usable point.
     """
     x, y, load = (_finite(name, value) for name, value in (("x", x), ("y", y), ("load_force", load_force)))
-    load = load + actuator.load_force
+    load = load + actuator.constant_load
     try:
         shape = np.broadcast_shapes(x.shape, y.shape, load.shape)
     except ValueError:

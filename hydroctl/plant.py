@@ -10,8 +10,9 @@ State z = (p_a, p_b, v) at a frozen position y for linearization, (p_a, p_b, v, 
     x <  0:  Q_a = c_a x r(p_a - p_t)    Q_b = -c_b x r(p_s - p_b)
 
 r(dp) = sign(dp) sqrt|dp|. The paper writes sqrt|dp|, with which the flow keeps its direction when the pressure drop
-reverses; the two agree wherever p_t <= p <= p_s. With tank pressure p_t = 0, load F = 0, c_a = c_b, friction F_f = B v and no
-end stops, F_e = 0, this is the paper's model; every further effect vanishes exactly with its parameter.
+reverses; the two agree wherever p_t <= p <= p_s. The load F is `Actuator.constant_load` and what a motion adds to it. With tank
+pressure p_t = 0, load F = 0, c_a = c_b, friction F_f = B v and no end stops, F_e = 0, this is the paper's model; every further
+effect vanishes exactly with its parameter.
 
 In these equations x is the opening that the fluid sees: `effective_opening` of the spool, which an ideal valve holds at the
 command and a real one moves by `valve_rates`.
@@ -71,9 +72,9 @@ _ABSENT = {"stribeck_speed": 1.0, "valve_natural_frequency": 0.0, "valve_damping
 @lru_cache(maxsize=256)
 def parameters(actuator: Actuator) -> Parameters:
     """The plant's parameters of `actuator`."""
-    given = {name: _ABSENT[name] if value is None else value for name, value in actuator.parameters().items()}
-    given |= {"flow_coefficient_a": actuator.flow_coefficient, "inverse_mass": 1.0 / actuator.mass}
-    return Parameters(*(given[name] for name in Parameters._fields))
+    derived = {"flow_coefficient_a": actuator.flow_coefficient, "inverse_mass": 1.0 / actuator.mass}
+    given = actuator.parameters() | derived
+    return Parameters(*(_ABSENT[name] if given[name] is None else given[name] for name in Parameters._fields))
 
 
 def signed_root(dp):
@@ -226,7 +227,7 @@ def jacobian(p_a, p_b, v, y, x, p: Parameters):
 
 
 def as_nonlinear_system(actuator: Actuator, *, pressure_unit: float = 1e5) -> control.NonlinearIOSystem:
-    """The whole plant for python-control: inputs x (valve command) and load_force (N, added to `actuator.load_force`); states
+    """The whole plant for python-control: inputs x (valve command) and load_force (N, added to `actuator.constant_load`); states
     p_a, p_b, v (m/s), y (m) and, for a valve that is not ideal, spool and spool_rate (1/s); outputs p_a, p_b, v, y.
 
     Pressures are in `pressure_unit` Pa, bar by default: `control.linearize` takes one step of 1e-6 for all states, which is lost in
@@ -241,7 +242,7 @@ def as_nonlinear_system(actuator: Actuator, *, pressure_unit: float = 1e5) -> co
         p_a, p_b, v, y, *valve = state
         spool = inputs[0] if ideal else valve[0]
         opening = effective_opening(spool, p)
-        dp_a, dp_b, dv = rates(p_a * pressure_unit, p_b * pressure_unit, v, y, opening, actuator.load_force + inputs[1], p)
+        dp_a, dp_b, dv = rates(p_a * pressure_unit, p_b * pressure_unit, v, y, opening, actuator.constant_load + inputs[1], p)
         moving = () if ideal else valve_rates(*valve, inputs[0], p)
         return np.array([dp_a / pressure_unit, dp_b / pressure_unit, dv, v, *moving])
 

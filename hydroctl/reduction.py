@@ -200,7 +200,7 @@ def _single_constant(family: LinearFamily) -> np.ndarray:
     """(...): z/p at x = +-0.1 and mid stroke, on the side and under the load of each point."""
     points, actuator = family.points, family.points.actuator
     side = np.where(points.x < 0.0, -_PAPER_OPENING, _PAPER_OPENING)
-    load = points.load_force - actuator.load_force
+    load = points.load_force - actuator.constant_load
     reference = linearize(actuator, find_operating_points(actuator, side, actuator.stroke / 2.0, load_force=load), form=family.form)
     return reference.zeros()[..., 0] / reference.poles()[..., 0].real
 

@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from .actuator import PARAMETERS
+from .actuator import ADDED_LATER, PARAMETERS
 from .errors import InputError, unknown_name
 from .files import write_file
 from .schedule_versions import upgraded
@@ -210,7 +210,7 @@ class Machine(_Part):
     def _units(self):
         if faults := [unknown_name("parameter", name, PARAMETERS) for name in self.parameters if name not in PARAMETERS]:
             raise ValueError(" ".join(faults))
-        required = {name for name, spec in PARAMETERS.items() if spec.default is not None}
+        required = {name for name, spec in PARAMETERS.items() if spec.default is not None and name not in ADDED_LATER}
         if missing := sorted(required - set(self.parameters)):
             raise ValueError(f"parameter {', '.join(missing)} is missing")
         for name, quantity in self.parameters.items():
@@ -253,7 +253,7 @@ class Design(_Part):
     min_crossover: Frequency | None
     notch_ratio: Positive = 1.0
     """notch frequency over the natural frequency of the nominal plant, as designed; left out of the file where it is 1"""
-    uncertainty: str | dict[str, tuple[Positive, Positive]]
+    uncertainty: str | dict[str, tuple[Positive, Positive] | tuple[str, str]]
     achieved: Margins
 
     @model_validator(mode="after")

@@ -88,7 +88,7 @@ def document_of(schedule, failed_checks: tuple[str, ...] = ()) -> schedule_docum
 
 
 def _machine(actuator: Actuator) -> schedule_document.Machine:
-    given = {name: value for name, value in actuator.parameters().items() if value is not None}
+    given = {name: value for name, value in actuator.recorded_parameters().items() if value is not None}
     return schedule_document.Machine(
         name=actuator.name,
         source=actuator.source,
@@ -224,7 +224,7 @@ def _require_consistent(document: schedule_document.Document) -> None:
 def _actuator(machine: schedule_document.Machine) -> Actuator:
     parameters = {name: quantity.value for name, quantity in machine.parameters.items()}
     actuator = Actuator(name=machine.name, source=machine.source, note=machine.note, **parameters)
-    if lacking := [name for name, value in actuator.parameters().items() if value is not None and name not in parameters]:
+    if lacking := [name for name, value in actuator.recorded_parameters().items() if value is not None and name not in parameters]:
         raise InputError(f"actuator.parameters lacks {', '.join(lacking)}.")
     if actuator.fingerprint() != machine.fingerprint:
         raise InputError("actuator.fingerprint does not belong to actuator.parameters; the file was changed after it was written.")

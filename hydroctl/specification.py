@@ -8,14 +8,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from numbers import Real
 
-from .actuator import PARAMETERS, Actuator
+from .actuator import PARAMETERS, Actuator, field_fault
 from .errors import InputError, unknown_name
+from .units import from_si, to_si, unit_in
 
 VARIATIONS = {"bulk_modulus": 0.3, "mass": 0.5, "supply_pressure": 0.2}
 """What a machine is expected to vary by: relative half-widths"""
 _HIGH_SUPPLY = 1.0 + VARIATIONS["supply_pressure"]
-_CORNERS = {name: (1.0 - VARIATIONS[name], 1.0 + VARIATIONS[name]) for name in ("bulk_modulus", "mass")}
-_NAMED = ("nominal", "corners", "one-at-a-time")
+_BOTH_WAYS = {name: (1.0 - VARIATIONS[name], 1.0 + VARIATIONS[name]) for name in ("bulk_modulus", "mass")}
+_NAMED = {
+    "nominal": {},
+    "corners": _BOTH_WAYS | {"supply_pressure": (_HIGH_SUPPLY, _HIGH_SUPPLY)},
+    "one-at-a-time": _BOTH_WAYS,
+}
+"""The factors of the uncertainties that have a name, as one would state them"""
+Ends = tuple[float, float] | tuple[str, str]
+"""(low, high) of one parameter: two factors, or two values with units"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,9 +38,10 @@ class Specification:
     """largest |S| allowed, above 1"""
     Mt: float = 1.3
     """largest |T| allowed, above 1"""
-    uncertainty: str | Mapping[str, tuple[float, float]] = "corners"
+    uncertainty: str | Mapping[str, Ends] = "corners"
     """"nominal", "corners" (nominal; bulk modulus +-30 % with mass +-50 % at supply +20 %), "one-at-a-time" (nominal; each of these
-    alone, at nominal supply) or {parameter: (low, high) factors}, of which every combination counts"""
+    alone, at nominal supply) or {parameter: (low, high)}, of which every combination counts: two numbers are factors on the
+    machine's value, two texts with units are values of either sign, such as ("-5 kN", "20 kN")"""
     gain_margin: float | None = None
     """least factor above 1 that may bring L to -1; None: no limit beside Ms and Mt"""
     phase_margin: float | None = None
@@ -122,40 +131,107 @@ def _uncertainty_faults(uncertainty) -> list[str]:
     if not uncertainty:
         return ['uncertainty names no parameter; write "nominal" for the nominal plant alone.']
     faults = [unknown_name("parameter", name, PARAMETERS) for name in uncertainty if name not in PARAMETERS]
-    for name, factors in uncertainty.items():
-        if not (_is_pair(factors) and 0 < factors[0] <= factors[1]):
-            faults.append(f"uncertainty of {name} = {factors!r} must be two factors (low, high) with 0 < low <= high.")
+    for name, ends in uncertainty.items():
+        faults += _value_faults(name, ends) if _is_pair_of_texts(ends) else _factor_faults(name, ends)
     return faults
 
 
-def variants(actuator: Actuator, uncertainty: str | Mapping[str, tuple[float, float]]) -> dict[str, Actuator]:
-    """The plants that a design must hold on, by label; the first is the nominal one.
+def _is_pair_of_texts(ends: object) -> bool:
+    return isinstance(ends, tuple) and len(ends) == 2 and all(isinstance(end, str) for end in ends)
 
-    Raises InputError for a factor on a parameter that the actuator does not have or that is 0.
+
+def _factor_faults(name: str, factors: object) -> list[str]:
+    if _is_pair(factors) and 0 < factors[0] <= factors[1]:
+        return []
+    return [
+        f"uncertainty of {name} = {factors!r} must be two factors (low, high) with 0 < low <= high, "
+        "or two values as texts with units."
+    ]
+
+
+def _value_faults(name: str, texts: tuple[str, str]) -> list[str]:
+    unit = PARAMETERS[name].metadata["unit"] if name in PARAMETERS else None
+    if unit is None:
+        return []
+    if not unit:
+        return [f"uncertainty of {name} = {texts!r}: it has no unit; give two factors (low, high), numbers."]
+    faults, values = [], []
+    for text in texts:
+        try:
+            values.append(to_si(f"uncertainty of {name}", text, unit))
+        except InputError as error:
+            faults += error.faults
+            continue
+        if unit_in(text) is None:
+            faults.append(f"uncertainty of {name} = {text!r} has no unit; write {unit} or the like, or factors as numbers.")
+        elif fault := field_fault(name, values[-1]):
+            faults.append(f"uncertainty of {name}: {fault}")
+    if not faults and values[0] > values[1]:
+        faults.append(f"uncertainty of {name} = {texts!r} must be (low, high) with low <= high.")
+    return faults
+
+
+def ranges(actuator: Actuator, uncertainty: str | Mapping[str, Ends]) -> dict[str, tuple[float, float]]:
+    """(lowest, highest value) in SI of every parameter that `uncertainty` varies, by name; "nominal" varies none.
+
+    The supply pressure of "corners" is the high one at both ends. Raises InputError for a factor on a parameter that the actuator
+    does not have or that is 0.
     """
-    if absent := [name for name in _ranges(uncertainty) if not getattr(actuator, name)]:
-        raise InputError(f"uncertainty of {name} varies nothing: it is {getattr(actuator, name)}." for name in absent)
+    stated = _stated(uncertainty)
+    if faults := [fault for name, ends in stated.items() if (fault := _nothing_varied(actuator, name, ends))]:
+        raise InputError(faults)
+    return {name: tuple(sorted(_value(actuator, name, end) for end in ends)) for name, ends in stated.items()}
+
+
+def _stated(uncertainty: str | Mapping[str, Ends]) -> Mapping[str, Ends]:
+    return _NAMED[uncertainty] if isinstance(uncertainty, str) else uncertainty
+
+
+def _nothing_varied(actuator: Actuator, name: str, ends: Ends) -> str | None:
+    value, unit = getattr(actuator, name), PARAMETERS[name].metadata["unit"]
+    if value or _is_pair_of_texts(ends):
+        return None
+    way_out = f"write its lowest and highest value as texts with units, in {unit} or the like" if unit else "leave it out"
+    return f"uncertainty of {name} varies nothing: factors of {value} are {value}; {way_out}."
+
+
+def _value(actuator: Actuator, name: str, end: float | str) -> float:
+    """What one end stands for, in SI."""
+    if isinstance(end, str):
+        return to_si(f"uncertainty of {name}", end, PARAMETERS[name].metadata["unit"])
+    return getattr(actuator, name) * end
+
+
+def variants(actuator: Actuator, uncertainty: str | Mapping[str, Ends]) -> dict[str, Actuator]:
+    """The plants that a design must hold on, by label; the first is the nominal one, the others lie at ends of `ranges`.
+
+    Raises InputError as `ranges` does, and for values that no actuator can have.
+    """
+    ends = ranges(actuator, uncertainty)
     plants = {"nominal": actuator}
-    for change in _changes(uncertainty):
-        plants[_label(change)] = actuator.replace(**{name: getattr(actuator, name) * factor for name, factor in change.items()})
+    for change in _one_at_a_time(ends) if uncertainty == "one-at-a-time" else _combinations(ends):
+        plants[variant_label(actuator, uncertainty, change)] = actuator.replace(**change)
     return plants
 
 
-def _ranges(uncertainty) -> Mapping[str, tuple[float, float]]:
-    if isinstance(uncertainty, str):
-        return {} if uncertainty == "nominal" else _CORNERS
-    return uncertainty
+def _one_at_a_time(ends: Mapping[str, tuple[float, float]]) -> list[dict[str, float]]:
+    return [{name: value} for name, pair in ends.items() for value in pair]
 
 
-def _changes(uncertainty) -> list[dict[str, float]]:
-    """The factors of every plant beside the nominal one."""
-    ranges = _ranges(uncertainty)
-    if uncertainty == "one-at-a-time":
-        return [{name: factor} for name, factors in ranges.items() for factor in factors]
-    common = {"supply_pressure": _HIGH_SUPPLY} if uncertainty == "corners" else {}
-    combined = itertools.product(*ranges.values()) if ranges else []
-    return [dict(zip(ranges, factors, strict=True)) | common for factors in combined]
+def _combinations(ends: Mapping[str, tuple[float, float]]) -> list[dict[str, float]]:
+    return [dict(zip(ends, values, strict=True)) for values in itertools.product(*ends.values())] if ends else []
 
 
-def _label(change: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} {100 * (factor - 1):+.8g} %" for name, factor in change.items())
+def variant_label(actuator: Actuator, uncertainty: str | Mapping[str, Ends], change: Mapping[str, float]) -> str:
+    """How a plant is called whose parameters in `change` (SI) differ from the actuator's: "mass +50 %, load_force 20 kN".
+
+    In per cent of the actuator's value where `uncertainty` states factors, in the unit of its upper end where it states values.
+    """
+    stated = _stated(uncertainty)
+    return ", ".join(f"{name} {_shown(actuator, name, value, stated[name][1])}" for name, value in change.items())
+
+
+def _shown(actuator: Actuator, name: str, value: float, end: float | str) -> str:
+    if isinstance(end, str):
+        return from_si(value, PARAMETERS[name].metadata["unit"], unit_in(end))
+    return f"{100 * (value / getattr(actuator, name) - 1):+.8g} %"

@@ -105,7 +105,7 @@ def _midway(reduced: SecondOrderFamily, mask: np.ndarray) -> tuple[SecondOrderFa
     """The same reduction midway between the openings and the positions of one side, and where it is accepted."""
     points = reduced.points
     x, y = ((values[:-1] + values[1:]) / 2.0 for values in (np.unique(points.x[mask]), np.unique(points.y[mask])))
-    load = points.load_force[mask][0] - points.actuator.load_force
+    load = points.load_force[mask][0] - points.actuator.constant_load
     family = linearize(
         points.actuator, find_operating_points(points.actuator, x[:, None], y, load_force=load), form=reduced.family.form
     )

@@ -37,6 +37,7 @@ _EXAMPLES = {
     "N*s/m": "4000 N*s/m",
     "N/m": "100 N/um",
     "1/s": "12 1/s",
+    "rad": "30 deg",
 }
 
 
@@ -76,6 +77,17 @@ def to_si(field: str, value: object, unit: str) -> float:
         return _finite(field, value, float(value), unit)
     except OverflowError:
         raise _fault(field, value, "is not finite", unit) from None
+
+
+def unit_in(text: str) -> str | None:
+    """The unit of the quantity that `text` is, as written there; None where it has none or is no quantity."""
+    match = _QUANTITY.fullmatch(text.strip())
+    return None if match is None else match["unit"]
+
+
+def from_si(value: float, unit: str, wanted: str) -> str:
+    """`value` in the SI unit `unit` as a quantity in the unit `wanted`, to eight digits: 2e4 in N is "20 kN"."""
+    return f"{value / to_si('unit', f'1 {wanted}', unit):.8g} {wanted}"
 
 
 def _parse(field: str, text: str, unit: str) -> float:

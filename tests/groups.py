@@ -6,6 +6,7 @@ import functools
 
 import numpy as np
 from loops import PlainRegulator, accurate_hold
+from machines import total_load
 
 import hydroctl as hc
 
@@ -71,7 +72,7 @@ def accurate_group(actuators, schedules, profile, states, loads, *, name, kc, ki
             integrals = integrals + profile.Ts * ki * d
         told = [commands[k - s.delay_samples][i] if k >= s.delay_samples else 0.0 for i, s in enumerate(schedules)]
         states = [
-            accurate_hold(actuator, z, x, load[k] + actuator.load_force, profile.Ts)
+            accurate_hold(actuator, z, x, load[k] + total_load(actuator), profile.Ts)
             for actuator, z, x, load in zip(actuators, states, told, loads, strict=True)
         ]
         rates.append(rate)

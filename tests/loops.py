@@ -6,6 +6,7 @@ import math
 from types import SimpleNamespace
 
 import numpy as np
+from machines import total_load
 from scipy.integrate import solve_ivp
 from scipy.interpolate import RegularGridInterpolator
 
@@ -155,7 +156,7 @@ def accurate_closed_loop(actuator, schedule, scenario, start):
         states.append(state)
         seen = state[:4] if scenario.sensors is None else readings(scenario, k, state)
         commands.append(regulator.command(scenario.reference[k], scenario.v_ref[k], *seen))
-        load = scenario.load_force[k] + actuator.load_force
+        load = scenario.load_force[k] + total_load(actuator)
         for x, share in ((commands[k], late), (commands[k + 1], 1.0 - late)):
             if share > 0.0:
                 state = accurate_hold(actuator, state, x, load, share * scenario.Ts)

@@ -1,5 +1,7 @@
 """Machines and independent formulas that several test files use."""
 
+import math
+
 import numpy as np
 from hypothesis import strategies as st
 
@@ -35,7 +37,13 @@ def mirrored(actuator: Actuator) -> Actuator:
         flow_coefficient=actuator.flow_coefficient_b,
         flow_coefficient_b=actuator.flow_coefficient,
         load_force=-actuator.load_force,
+        inclination=-actuator.inclination,
     )
+
+
+def total_load(actuator: Actuator) -> float:
+    """The load and the axial part of the weight in N, positive against extension."""
+    return actuator.load_force + 9.80665 * actuator.mass * math.sin(actuator.inclination)
 
 
 def paper_closed_form(actuator: Actuator, x: float) -> tuple[float, float, float]:

@@ -173,6 +173,15 @@ MALFORMED = [
 ]
 
 
+def test_inclination_and_rating_are_read_in_degrees_and_bar(tmp_path):
+    machine = _load(tmp_path, {"inclination": '"30 deg"', "pressure_rating": '"315 bar"'})
+    assert (machine.inclination, machine.pressure_rating) == (pytest.approx(np.pi / 6, rel=1e-15), 315e5)
+    assert _load(tmp_path, {"inclination": '"-90 deg"'}).inclination == -np.pi / 2
+    assert hc.load_actuator(hc.save_actuator(machine, tmp_path / "again.toml")) == machine
+    with pytest.raises(hc.InputError, match=r"inclination = 90 rad must be at most 1\.5708"):
+        _load(tmp_path, {"inclination": "90"})
+
+
 @pytest.mark.parametrize(("changes", "words"), MALFORMED, ids=lambda value: ",".join(value)[:40])
 def test_a_malformed_sheet_gives_one_message_per_fault(tmp_path, changes, words):
     with pytest.raises(hc.InputError) as caught:

@@ -82,8 +82,8 @@ def test_a_design_that_misses_a_requirement_ends_with_code_1_and_says_which_wher
 
 
 def test_an_operating_point_that_the_load_forbids_is_code_2_with_the_reason(command, reference, tmp_path):
-    hc.save_actuator(reference.replace(load_force=1.2e6), tmp_path / "loaded.toml")
+    hc.save_actuator(reference.replace(load_force=-1.2e6), tmp_path / "loaded.toml")
     code, _, stderr = command("design", tmp_path / "loaded.toml", "-o", tmp_path / "out")
     assert code == 2
-    assert "above supply pressure" in stderr
+    assert "fall below tank pressure" in stderr
     assert not (tmp_path / "out").exists()

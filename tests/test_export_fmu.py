@@ -21,6 +21,7 @@ EVERYTHING = OVERLAPPED.replace(
     breakaway_friction=1.2e4,
     stribeck_speed=5e-3,
     load_force=2e4,
+    inclination=-0.4,
     tank_pressure=2e5,
     end_stop_stiffness=1e9,
     end_stop_damping=0.4,

@@ -51,6 +51,27 @@ def test_files_are_valid_under_the_schema_and_read_back_to_the_same_bits(case, t
     assert again.save(tmp_path / "again.json").read_bytes() == path.read_bytes()
 
 
+def test_ranges_in_units_are_kept_as_they_were_stated(reference, tmp_path):
+    stated = {"load_force": ("-5 kN", "20 kN"), "mass": (0.5, 1.5)}
+    made = hc.tune(reference, [-0.5, 0.5], [0.25], specification=hc.Specification(uncertainty=stated))
+    path = made.save(tmp_path / "schedule.json")
+    jsonschema.Draft202012Validator(json.loads(json_schema())).validate(json.loads(path.read_text()))
+    again = hc.load_schedule(path)
+    assert again.specification.uncertainty == stated
+    assert again.margins.variants == made.margins.variants
+    assert "load_force 20 kN, mass -50 %" in again.margins.variants
+
+
+def test_an_inclined_machine_with_a_rating_is_kept_and_a_plain_one_written_as_before(reference, tmp_path):
+    for changes in ({"inclination": 0.5, "pressure_rating": 5e7}, {}):
+        machine = reference.replace(**changes)
+        made = hc.tune(machine, [-0.5, 0.5], [0.25], specification=hc.Specification(uncertainty="nominal"))
+        path = made.save(tmp_path / "schedule.json")
+        stated = json.loads(path.read_text())["actuator"]["parameters"]
+        assert {name for name in stated if name in ("inclination", "pressure_rating")} == set(changes)
+        assert hc.load_schedule(path).actuator == machine
+
+
 @pytest.mark.parametrize("path", sorted(DATA.glob("schedule_version_*.json")), ids=lambda path: path.stem)
 def test_every_older_version_is_read_as_it_was_meant(path, tmp_path):
     given, read = json.loads(path.read_text()), hc.load_schedule(path)

@@ -194,6 +194,6 @@ def test_limits_hold_between_the_points_of_a_grid_that_is_too_coarse():
 
 
 def test_a_load_that_stops_the_motion_of_a_feed_forward_is_an_input_error(reference):
-    loaded = reference.replace(load_force=0.9 * reference.area_a * reference.supply_pressure)
+    loaded = reference.replace(load_force=-0.9 * reference.area_b * reference.supply_pressure)
     with pytest.raises(hc.InputError, match="the feed-forward needs motion"):
-        hc.tune(loaded, [0.5], [0.2], specification=NOMINAL)
+        hc.tune(loaded, [-0.5], [0.2], specification=NOMINAL)

@@ -1,11 +1,13 @@
 """Validation: metrics against known answers, scenarios that fit the machine, and requirements that tell good loops from bad."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from loops import schedule
+from machines import total_load
 
 import hydroctl as hc
 from hydroctl.errors import InputError
@@ -121,6 +123,25 @@ def test_what_cannot_be_judged_is_not_met():
     assert "overshoot after saturation" not in verdicts
 
 
+@pytest.mark.parametrize(("rating", "word"), [(None, "note"), (3.9e7, "FAIL"), (4.1e7, "pass")])
+def test_peak_pressure_is_judged_by_the_rating_and_without_one_it_is_a_remark(rating, word):
+    """Supply pressure is no limit: a load may lift a chamber above it, and the machine may stand it."""
+    machine, n = ACTUATOR.replace(supply_pressure=3e7, pressure_rating=rating), 100
+    asked = Scenario(name="ramp", loop="position", Ts=TS, reference=np.linspace(0.1, 0.2, n), y=0.1)
+    runs = []
+    for peak in (3.5e7, 4e7, 3.6e7):
+        motion = replace(trajectory_of(np.full(n, 0.1), np.zeros(n)), p_a=np.full(n, peak), p_b=np.full(n, 1e6))
+        made = {"scenario": asked, "actuator": machine, "metrics": measure(machine, asked, motion), "reason": ""}
+        runs.append(SimpleNamespace(variant=f"peak {peak:g}", **made))
+    (found,) = [
+        v for v in judge(default_requirements(scale_of(machine, "position"), "position"), runs) if v.name == "peak pressure"
+    ]
+    assert (found.achieved, found.variant, found.passed) == (4e7, "peak 4e+07", word != "FAIL")
+    assert found.is_remark == (rating is None)
+    assert str(found).startswith(f"{word}  peak pressure: 4e+07")
+    assert ("pressure_rating is not stated" in str(found)) == (rating is None)
+
+
 @pytest.mark.parametrize("loop", ["velocity", "position"])
 def test_library_has_three_positions_both_ways_saturation_and_reversal(loop):
     asked = step_scenarios(ACTUATOR, loop)
@@ -216,7 +237,7 @@ def test_tracking_references_stay_within_what_the_machine_can_do(loop, name):
             assert 0.0 < scenario.reference.min() <= scenario.reference.max() < actuator.stroke
         if scenario.initial is not None:
             force = actuator.area_a * scenario.initial.p_a - actuator.area_b * scenario.initial.p_b
-            assert force == pytest.approx(actuator.load_force, abs=1e-9 * actuator.area_a * actuator.supply_pressure)
+            assert force == pytest.approx(total_load(actuator), abs=1e-9 * actuator.area_a * actuator.supply_pressure)
             for pressure in scenario.initial[:2]:
                 assert actuator.tank_pressure < pressure < actuator.supply_pressure
 

@@ -116,6 +116,18 @@ def test_draws_are_uniform_within_the_spread_and_follow_the_seed():
     assert (still.parameters["load_force"] == 0.0).all()
 
 
+@pytest.mark.parametrize("rating", [None, 1.0, 1e9])
+def test_a_campaign_judges_peak_pressure_as_a_single_validation_does(rating):
+    machine = ACTUATOR.replace(pressure_rating=rating)
+    result = campaign(machine, SCHEDULE, count=100, seed=7, scenarios=short_scenarios())
+    requirements = default_requirements(scale_of(machine, "position"), "position")
+    (found,) = [verdict for verdict in result.verdicts(requirements) if verdict.name == "peak pressure"]
+    worst = int(np.argmax(result.metrics["peak_pressure"]))
+    assert found.achieved == result.metrics["peak_pressure"][worst]
+    assert found.variant == f"seed {result.case_seed(worst)}"
+    assert (found.is_remark, found.passed) == (rating is None, rating != 1.0)
+
+
 def test_without_spread_a_campaign_is_the_nominal_simulation():
     result = run(33, spread={})
     for case in (0, 31):

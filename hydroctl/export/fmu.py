@@ -118,7 +118,7 @@ def plant_fmu(actuator: Actuator, name: str) -> bytes:
         "stops": p.end_stop_stiffness != 0.0,
         "rate_limited": actuator.valve_rate_limit is not None,
         "longest_step": longest_step(actuator) / (_STEPS_OVER_BENDS if any(bends) else 1),
-        "load_force": actuator.load_force,
+        "own_load": actuator.constant_load,
         "starts": starts,
         "A": runge_kutta.A,
         "B": runge_kutta.B,

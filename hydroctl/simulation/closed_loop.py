@@ -31,7 +31,7 @@ def simulate_closed_loop(
     require_fit(schedule, scenario)
     if substeps is not None and (isinstance(substeps, bool) or not isinstance(substeps, Integral) or substeps < 1):
         raise InputError(f"substeps = {substeps!r} must be a whole number of at least 1, or None.")
-    load = scenario.load_force + actuator.load_force
+    load = scenario.load_force + actuator.constant_load
     start = scenario.initial
     if start is None:
         start = rest_state(actuator, scenario.y, load_force=float(scenario.load_force[0]))

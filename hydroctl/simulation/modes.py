@@ -30,7 +30,7 @@ def fastest_mode(actuator: Actuator) -> float:
     y = np.linspace(0.0, actuator.stroke, _POSITIONS)
     points = find_operating_points(actuator, np.array([[-1.0], [1.0]]), y)
     lowest, highest = (float(stall_force(actuator, side)) for side in (-1.0, 1.0))
-    held = min(max(actuator.load_force, _ALMOST * lowest), _ALMOST * highest)
+    held = min(max(actuator.constant_load, _ALMOST * lowest), _ALMOST * highest)
     rest = rest_pressures(plant.parameters(actuator), held)
     contact = _CONTACT * actuator.stroke
     states = [(*rest, 0.0, position, 0.0) for position in (-contact, *y, actuator.stroke + contact)]
@@ -73,7 +73,7 @@ def _jacobians(actuator: Actuator, states: np.ndarray) -> np.ndarray:
     scales = np.array([pressure, pressure, actuator.flow_coefficient * math.sqrt(pressure) / actuator.area_a, actuator.stroke])
 
     def slopes(p_a, p_b, v, y, x):
-        return np.array([*plant.rates(p_a, p_b, v, y, x, actuator.load_force, p), v])
+        return np.array([*plant.rates(p_a, p_b, v, y, x, actuator.constant_load, p), v])
 
     matrices = np.empty((states.shape[1], 4, 4))
     for k, scale in enumerate(scales):

@@ -32,7 +32,7 @@ def simulate(actuator: Actuator, t, x, *, initial: State | None = None, load_for
 
     kernels = motion_for(actuator)
     method = kernels.stiff if is_stiff(actuator, (t[-1] - t[0]) / (t.size - 1)) else kernels.adaptive
-    steps, reached = method.integrate(t, x, load + actuator.load_force, tuple(start), p, rtol, _MOST_STEPS, out)
+    steps, reached = method.integrate(t, x, load + actuator.constant_load, tuple(start), p, rtol, _MOST_STEPS, out)
     if reached < t[-1]:
         raise SimulationError(
             f"The motion could not be followed beyond t = {reached:g} s ({steps} steps): the equations have become too stiff or a "

@@ -85,7 +85,7 @@ def rest_state(actuator: Actuator, y: float | None = None, *, load_force: float 
     leakage, from which both directions start alike. Raises InputError where y is outside the stroke or the load cannot be held.
     """
     try:
-        y, load = actuator.stroke / 2.0 if y is None else float(y), actuator.load_force + float(load_force)
+        y, load = actuator.stroke / 2.0 if y is None else float(y), actuator.constant_load + float(load_force)
     except (TypeError, ValueError):
         raise InputError(f"y = {y!r} and load_force = {load_force!r} must be single numbers, in m and N.") from None
     lowest, highest = stall_forces(parameters(actuator))
@@ -93,7 +93,7 @@ def rest_state(actuator: Actuator, y: float | None = None, *, load_force: float 
     if not 0.0 <= y <= actuator.stroke:
         faults.append(f"y = {y:g} m is outside the stroke; give 0 to {actuator.stroke:g} m.")
     if not lowest < load < highest:
-        faults.append(f"load_force = {load:g} N cannot be held: the stall forces are {lowest:g} and {highest:g} N. Lower the load.")
+        faults.append(f"the load of {load:g} N cannot be held: the stall forces are {lowest:g} and {highest:g} N. Lower the load.")
     if faults:
         raise InputError(faults)
     return State(*map(float, rest_pressures(parameters(actuator), load)), 0.0, y)

@@ -188,7 +188,7 @@ def _run(actuators, schedules, reference, coupling, loads, override, limits, sto
 
     count, samples = loads.shape
     regulators = [regulator_of(schedule) for schedule in schedules]
-    own = np.array([[actuator.load_force] for actuator in actuators])
+    own = np.array([[actuator.constant_load] for actuator in actuators])
     states = np.array([rest_state(a, reference.position[0], load_force=load[0]) for a, load in zip(actuators, loads, strict=True)])
     ceiling = np.ones(reference.speed.size) if limits is None else limits.ceiling(reference.speed, actuators)
     path = np.array([reference.position, reference.speed, ceiling])

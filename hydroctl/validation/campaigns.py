@@ -20,7 +20,7 @@ from ..errors import InputError
 from ..simulation import Scenario, Trajectory, simulate_closed_loop
 from .cases import CASE_BITS, METRICS, SPREAD, Task, draw, make_task, run_chunk, scenario_of, whole_number_fault
 from .chunks import ChunkStore
-from .verdict import Requirement, Verdict, excess_of
+from .verdict import Requirement, Verdict, worst_of
 
 if TYPE_CHECKING:
     from ..schedule import GainSchedule
@@ -67,20 +67,21 @@ class CampaignResult:
     def verdicts(self, requirements: Sequence[Requirement]) -> tuple[Verdict, ...]:
         """Each requirement at the case that is worst for it, which the verdict's variant names by its seed."""
         achieved = SimpleNamespace(**self.metrics)
-        machine = SimpleNamespace(stroke=self.actuator.stroke, supply_pressure=self.parameters["supply_pressure"])
+        known = {"stroke": self.actuator.stroke, "pressure_rating": self.actuator.pressure_rating}
+        machine = SimpleNamespace(**known, supply_pressure=self.parameters["supply_pressure"])
         failures = int(self.failed.sum())
         first = int(np.argmax(self.failed))
         found = [self._verdict("simulations that failed", "", self.reason(first), 0.0, float(failures), first)]
         for requirement in requirements:
-            excess, limits = np.full(self.count, -np.inf), np.full(self.count, np.nan)
+            subject, limits = np.zeros(self.count, bool), np.full(self.count, np.nan)
             values = np.broadcast_to(requirement.achieved(achieved), self.count)
             for index, scenario in enumerate(self.scenarios):
                 mine = (self.scenario == index) & ~self.failed
-                if scenario.kind in requirement.kinds and mine.any():
+                if scenario.kind in requirement.kinds:
                     limits[mine] = np.broadcast_to(requirement.limit(scenario, machine), self.count)[mine]
-                    excess[mine] = excess_of(values[mine], limits[mine])
-            if (excess > -np.inf).any():
-                worst = int(np.argmax(excess))
+                    subject |= mine
+            if subject.any():
+                worst = int(np.flatnonzero(subject)[worst_of(values[subject], limits[subject])])
                 case = (float(limits[worst]), float(values[worst]), worst)
                 found.append(self._verdict(requirement.name, requirement.unit, requirement.reason, *case))
         return tuple(found)

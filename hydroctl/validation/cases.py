@@ -131,12 +131,14 @@ def _run_scenario(task: Task, scenario: Scenario, drawn: np.ndarray) -> np.ndarr
 
     n = drawn.shape[1]
     cases = np.ascontiguousarray(np.pad(drawn, ((0, 0), (0, -n % LANES)), mode="edge"))
+    mass, further = (list(SPREAD).index(name) for name in ("mass", "load_force"))
+    cases[further] += task.actuator.axial_gravity * cases[mass]
     p = plant.parameters(task.actuator)
     own = p._replace(supply_pressure=cases[list(SPREAD).index("supply_pressure")])
     load = scenario.load_force + task.actuator.load_force
     initial = np.zeros((6, cases.shape[1]))
     if scenario.initial is None:
-        initial[:2] = rest_pressures(own, load[0] + cases[list(SPREAD).index("load_force")])
+        initial[:2] = rest_pressures(own, load[0] + cases[further])
         initial[3] = scenario.y
     else:
         initial[:] = np.array(scenario.initial)[:, None]

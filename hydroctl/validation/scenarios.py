@@ -128,10 +128,10 @@ def _balanced_rest(actuator: Actuator, y: float) -> tuple[State, State]:
     """Rest at y with pressures that hold the load: 10 and 90 % of the way from the lowest pair to the highest."""
     a = actuator
     p_t, p_s = a.tank_pressure, a.supply_pressure
-    lowest = max(p_t, (a.area_b * p_t + a.load_force) / a.area_a)
-    highest = min(p_s, (a.area_b * p_s + a.load_force) / a.area_a)
+    lowest = max(p_t, (a.area_b * p_t + a.constant_load) / a.area_a)
+    highest = min(p_s, (a.area_b * p_s + a.constant_load) / a.area_a)
     p_a = [lowest + part * (highest - lowest) for part in (0.1, 0.9)]
-    low, high = (State(p, (a.area_a * p - a.load_force) / a.area_b, 0.0, y) for p in p_a)
+    low, high = (State(p, (a.area_a * p - a.constant_load) / a.area_b, 0.0, y) for p in p_a)
     return low, high
 
 

@@ -25,6 +25,7 @@ class Requirement:
     kinds: tuple[str, ...]
     achieved: Callable[[Metrics], float]
     limit: Callable[[Scenario, Actuator], float]
+    """infinite where the machine states none: what was achieved is then a remark"""
 
 
 @dataclass(frozen=True)
@@ -42,9 +43,17 @@ class Verdict:
     at_least: bool = False
     """whether `limit` is a minimum"""
 
+    @property
+    def is_remark(self) -> bool:
+        """True where there is no limit, so that nothing can fail: what was achieved is for the reader to know."""
+        return self.limit == np.inf and not self.at_least
+
     def __str__(self) -> str:
         if np.isnan(self.achieved):
             return f"FAIL  {self.name}: cannot be judged, the motion has no such number  ({self.scenario}; {self.variant})"
+        if self.is_remark:
+            achieved = f"{self.achieved:.4g} {self.unit}".rstrip()
+            return f"note  {self.name}: {achieved}, {self.reason} is not stated  ({self.scenario}; {self.variant})"
         sign, word = (("<=", ">=")[self.at_least], "pass") if self.passed else ((">", "<")[self.at_least], "FAIL")
         where = f"{self.scenario}; {self.variant}"
         return f"{word}  {self.name}: {self.achieved:.4g} {sign} {self.limit:.4g} {self.unit}".rstrip() + f"  ({where})"
@@ -79,7 +88,12 @@ def default_requirements(scale: Scale, loop: str, *, Mt: float = 1.3) -> tuple[R
         Requirement("lasting oscillation", "", "half the settling band", _SETTLES, lambda m: m.oscillation, lambda *_: 0.5 * BAND),
         Requirement("steady error", "", "half the settling band", _SETTLES, lambda m: abs(m.steady_error), lambda *_: 0.5 * BAND),
         Requirement(
-            "peak pressure", "Pa", "supply pressure", _ALL, lambda m: m.peak_pressure, lambda _, plant: plant.supply_pressure
+            "peak pressure",
+            "Pa",
+            "pressure_rating",
+            _ALL,
+            lambda m: m.peak_pressure,
+            lambda _, plant: np.inf if plant.pressure_rating is None else plant.pressure_rating,
         ),
         Requirement("time below tank pressure", "s", "no chamber may cavitate", _ALL, lambda m: m.cavitation_time, lambda *_: 0.0),
         Requirement(
@@ -93,9 +107,13 @@ def default_requirements(scale: Scale, loop: str, *, Mt: float = 1.3) -> tuple[R
     )
 
 
-def excess_of(achieved, limit):
-    """By how much `achieved` passes `limit`, for numbers or arrays; infinite where there is nothing to judge (NaN)."""
-    return np.where(np.isnan(achieved), np.inf, np.subtract(achieved, limit))
+def worst_of(achieved: np.ndarray, limit: np.ndarray) -> int:
+    """Which of the cases passes its limit by most: infinitely where there is nothing to judge (NaN).
+
+    Of cases that are equal in that, as all are without a limit, the one that achieved most.
+    """
+    excess = np.where(np.isnan(achieved), np.inf, np.subtract(achieved, limit))
+    return int(np.lexsort((np.nan_to_num(-achieved, nan=np.inf), -excess))[0])
 
 
 def judge(requirements: Iterable[Requirement], runs) -> tuple[Verdict, ...]:
@@ -107,13 +125,11 @@ def judge(requirements: Iterable[Requirement], runs) -> tuple[Verdict, ...]:
     ended = [run for run in runs if not run.reason]
     verdicts = []
     for requirement in requirements:
-        cases = [
-            (requirement.achieved(run.metrics), requirement.limit(run.scenario, run.actuator), run)
-            for run in ended
-            if run.scenario.kind in requirement.kinds
-        ]
-        if cases:
-            achieved, limit, run = max(cases, key=lambda case: excess_of(*case[:2]))
+        subject = [run for run in ended if run.scenario.kind in requirement.kinds]
+        if subject:
+            found = [(requirement.achieved(run.metrics), requirement.limit(run.scenario, run.actuator)) for run in subject]
+            worst = worst_of(*np.array(found).T)
+            (achieved, limit), run = found[worst], subject[worst]
             common = (requirement.name, requirement.unit, requirement.reason, limit, achieved, achieved <= limit)
             verdicts.append(Verdict(*common, run.scenario.name, run.variant))
     failed = [run for run in runs if run.reason]
