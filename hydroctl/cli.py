@@ -60,7 +60,7 @@ def design(
     directory: Annotated[Path, typer.Option("-o", "--output", help="where the results go")] = Path("hydroctl-out"),
     loop: Annotated[Loop, typer.Option(help="what is controlled")] = Loop.velocity,
     structure: Annotated[str, typer.Option(help="p, pi or pid; with +lead or +lead-lag; with +notch")] = "pi",
-    uncertainty: Annotated[str, typer.Option(help="plants the limits hold on: corners, one-at-a-time or nominal")] = "corners",
+    uncertainty: Annotated[str, typer.Option(help="plants the limits hold on: box, corners, one-at-a-time or nominal")] = "box",
     Ms: Annotated[float, typer.Option("--Ms", help="largest sensitivity")] = 1.6,
     Mt: Annotated[float, typer.Option("--Mt", help="largest complementary sensitivity")] = 1.3,
     sample_time: Annotated[float, typer.Option(help="sample time in s")] = 1e-3,

@@ -25,7 +25,7 @@ MARGIN_UNITS = {
     "crossover": "rad/s",
 }
 """the margins that reports and files state"""
-SMALLER_IS_BETTER = ("Ms", "Mt", "gain_reduction_margin")
+WORST_AT_MOST = ("Ms", "Mt", "gain_reduction_margin")
 """the margins that are worst where they are largest"""
 _AT_REST = 1e-5
 """of the lowest frequency of `frequency_grid`, below which a mode is an integrator"""

@@ -23,7 +23,7 @@ def machine_remarks(actuator: Actuator, x, specification: Specification) -> tupl
 def _rating_remark(actuator: Actuator, x, specification: Specification) -> str | None:
     """The highest pressure of all operating points, where it passes the rating."""
     above = []
-    for label, plant in variants(actuator, specification.uncertainty).items():
+    for label, plant in variants(actuator, specification).items():
         points = find_operating_points(plant, x, actuator.stroke / 2.0)
         peaks, told = np.maximum(points.p_a, points.p_b), points.above_rating & points.feasible
         above += [(float(peak), label, float(opening)) for peak, opening in zip(peaks[told], points.x[told], strict=True)]

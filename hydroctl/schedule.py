@@ -6,6 +6,7 @@ x > 0, x < 0 those with x < 0. The scheduling signals are the previous saturated
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -18,7 +19,7 @@ from .actuator import Actuator
 from .errors import InputError
 from .frequency import SampledFamily, sample
 from .linearization import linearize
-from .margins import MARGIN_UNITS, Loop, Margins, analyse
+from .margins import MARGIN_UNITS, WORST_AT_MOST, Loop, Margins, analyse
 from .operating_point import find_operating_points
 from .regulators import Regulators
 from .schedule_file import document_of, fields_of, require_unchanged, vectors_in
@@ -147,12 +148,12 @@ class ScheduleMargins:
     """over (variants, mx, my)"""
 
     def worst(self, name: str, *, where: np.ndarray | None = None) -> WorstPoint:
-        """Where the margin `name` of `Margins` is worst: largest Ms, Mt; smallest of the others.
+        """Where the margin `name` of `Margins` is worst: the largest of `WORST_AT_MOST`, the smallest of the others.
 
         `where` (mx, my), for example `designed`, leaves the other points out.
         """
         values = np.asarray(getattr(self.margins, name), float)
-        badness = values if name in ("Ms", "Mt") else -values
+        badness = values if name in WORST_AT_MOST else -values
         if where is not None:
             badness = np.where(where, badness, -np.inf)
         k, i, j = np.unravel_index(np.argmax(badness), badness.shape)
@@ -191,7 +192,12 @@ def sampled_plants(actuator: Actuator, x, y, loop: str, specification: Specifica
 
     Raises InputError for a point that no linear model can describe, with variant and reason.
     """
-    plants = variants(actuator, specification.uncertainty)
+    plants = variants(actuator, specification)
+    return tuple(plants), sampled(plants, x, y, loop, specification)
+
+
+def sampled(plants: Mapping[str, Actuator], x, y, loop: str, specification: Specification) -> SampledFamily:
+    """(plants, x, y) models of `plants`, by label; errors as in `sampled_plants`."""
     families = []
     for label, plant in plants.items():
         points = find_operating_points(plant, np.asarray(x, float)[:, None], np.asarray(y, float))
@@ -200,7 +206,7 @@ def sampled_plants(actuator: Actuator, x, y, loop: str, specification: Specifica
         family = linearize(plant, points)
         delay = specification.delay_samples
         families.append(sample(family, loop=loop, sample_time=specification.sample_time, delay_samples=delay))
-    return tuple(plants), SampledFamily.stack(families)
+    return SampledFamily.stack(families)
 
 
 def check_margins(schedule: GainSchedule, x, y) -> ScheduleMargins:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from numbers import Real
 
@@ -17,6 +17,7 @@ VARIATIONS = {"bulk_modulus": 0.3, "mass": 0.5, "supply_pressure": 0.2}
 _HIGH_SUPPLY = 1.0 + VARIATIONS["supply_pressure"]
 _BOTH_WAYS = {name: (1.0 - VARIATIONS[name], 1.0 + VARIATIONS[name]) for name in ("bulk_modulus", "mass")}
 _NAMED = {
+    "box": {name: (1.0 - half, 1.0 + half) for name, half in VARIATIONS.items()},
     "nominal": {},
     "corners": _BOTH_WAYS | {"supply_pressure": (_HIGH_SUPPLY, _HIGH_SUPPLY)},
     "one-at-a-time": _BOTH_WAYS,
@@ -38,10 +39,13 @@ class Specification:
     """largest |S| allowed, above 1"""
     Mt: float = 1.3
     """largest |T| allowed, above 1"""
-    uncertainty: str | Mapping[str, Ends] = "corners"
-    """"nominal", "corners" (nominal; bulk modulus +-30 % with mass +-50 % at supply +20 %), "one-at-a-time" (nominal; each of these
-    alone, at nominal supply) or {parameter: (low, high)}, of which every combination counts: two numbers are factors on the
-    machine's value, two texts with units are values of either sign, such as ("-5 kN", "20 kN")"""
+    uncertainty: str | Mapping[str, Ends] = "box"
+    """"box" (bulk modulus +-30 %, mass +-50 %, supply +-20 %: all plants between its corners, searched), {parameter: (low, high)}
+    for a box of your own, of which two numbers are factors on the machine's value and two texts with units values of either sign,
+    such as ("-5 kN", "20 kN"); or plants that are counted: "nominal", "corners" (nominal; bulk modulus +-30 % with mass +-50 % at
+    supply +20 %), "one-at-a-time" (nominal; each of these alone, at nominal supply)"""
+    added_plants: tuple[Mapping[str, float], ...] = ()
+    """further plants, {parameter: value in SI} each, on which the limits must hold; `tune` adds those that it finds in a box"""
     gain_margin: float | None = None
     """least factor above 1 that may bring L to -1; None: no limit beside Ms and Mt"""
     phase_margin: float | None = None
@@ -79,6 +83,7 @@ class Specification:
         if _is_number(self.phase_margin) and self.phase_margin >= math.pi / 2:
             faults.append(f"phase_margin = {self.phase_margin!r} rad must be below pi/2 (90 degrees, the margin of an integrator).")
         faults += _uncertainty_faults(self.uncertainty)
+        faults += _added_faults(self.added_plants)
         damping = self.notch_damping
         if damping is not None and not (_is_pair(damping) and 0 < damping[0] < damping[1]):
             faults.append(f"notch_damping = {damping!r} must be (zz, zp) with 0 < zz < zp.")
@@ -134,6 +139,16 @@ def _uncertainty_faults(uncertainty) -> list[str]:
     for name, ends in uncertainty.items():
         faults += _value_faults(name, ends) if _is_pair_of_texts(ends) else _factor_faults(name, ends)
     return faults
+
+
+def _added_faults(plants: object) -> list[str]:
+    if not isinstance(plants, tuple) or not all(isinstance(plant, Mapping) and plant for plant in plants):
+        return [f"added_plants = {plants!r} must be a tuple of {{parameter: value in SI}}, none of them empty."]
+    named = {(name, value) for plant in plants for name, value in plant.items()}
+    faults = (
+        field_fault(name, value) if name in PARAMETERS else unknown_name("parameter", name, PARAMETERS) for name, value in named
+    )
+    return sorted(f"added_plants: {fault}" for fault in faults if fault)
 
 
 def _is_pair_of_texts(ends: object) -> bool:
@@ -202,24 +217,33 @@ def _value(actuator: Actuator, name: str, end: float | str) -> float:
     return getattr(actuator, name) * end
 
 
-def variants(actuator: Actuator, uncertainty: str | Mapping[str, Ends]) -> dict[str, Actuator]:
-    """The plants that a design must hold on, by label; the first is the nominal one, the others lie at ends of `ranges`.
+def box_of(actuator: Actuator, uncertainty: str | Mapping[str, Ends]) -> dict[str, tuple[float, float]]:
+    """The `ranges` that span a box, of which every plant counts; none where `uncertainty` counts its plants."""
+    ends = ranges(actuator, uncertainty) if uncertainty == "box" or not isinstance(uncertainty, str) else {}
+    return {name: (low, high) for name, (low, high) in ends.items() if low < high}
+
+
+def variants(actuator: Actuator, specification: Specification) -> dict[str, Actuator]:
+    """The plants that a design must hold on, by label: the nominal one, those at ends of `ranges`, then `added_plants`.
 
     Raises InputError as `ranges` does, and for values that no actuator can have.
     """
+    changes = (*counted_changes(actuator, specification.uncertainty), *specification.added_plants)
+    return changed_plants(actuator, specification, changes)
+
+
+def counted_changes(actuator: Actuator, uncertainty: str | Mapping[str, Ends]) -> list[dict[str, float]]:
+    """What the plants at ends of `ranges` differ by, {parameter: value in SI} each."""
     ends = ranges(actuator, uncertainty)
-    plants = {"nominal": actuator}
-    for change in _one_at_a_time(ends) if uncertainty == "one-at-a-time" else _combinations(ends):
-        plants[variant_label(actuator, uncertainty, change)] = actuator.replace(**change)
-    return plants
-
-
-def _one_at_a_time(ends: Mapping[str, tuple[float, float]]) -> list[dict[str, float]]:
-    return [{name: value} for name, pair in ends.items() for value in pair]
-
-
-def _combinations(ends: Mapping[str, tuple[float, float]]) -> list[dict[str, float]]:
+    if uncertainty == "one-at-a-time":
+        return [{name: value} for name, pair in ends.items() for value in pair]
     return [dict(zip(ends, values, strict=True)) for values in itertools.product(*ends.values())] if ends else []
+
+
+def changed_plants(actuator: Actuator, specification: Specification, changes: Iterable[Mapping[str, float]]) -> dict[str, Actuator]:
+    """The nominal plant and those that differ by `changes`, {parameter: value in SI} each, by label."""
+    labels = {variant_label(actuator, specification.uncertainty, change): change for change in changes}
+    return {"nominal": actuator} | {label: actuator.replace(**change) for label, change in labels.items()}
 
 
 def variant_label(actuator: Actuator, uncertainty: str | Mapping[str, Ends], change: Mapping[str, float]) -> str:
@@ -228,10 +252,13 @@ def variant_label(actuator: Actuator, uncertainty: str | Mapping[str, Ends], cha
     In per cent of the actuator's value where `uncertainty` states factors, in the unit of its upper end where it states values.
     """
     stated = _stated(uncertainty)
-    return ", ".join(f"{name} {_shown(actuator, name, value, stated[name][1])}" for name, value in change.items())
+    return ", ".join(f"{name} {_shown(actuator, name, value, stated.get(name))}" for name, value in change.items())
 
 
-def _shown(actuator: Actuator, name: str, value: float, end: float | str) -> str:
-    if isinstance(end, str):
-        return from_si(value, PARAMETERS[name].metadata["unit"], unit_in(end))
+def _shown(actuator: Actuator, name: str, value: float, ends: Ends | None) -> str:
+    unit = PARAMETERS[name].metadata["unit"]
+    if ends is not None and _is_pair_of_texts(ends):
+        return from_si(value, unit, unit_in(ends[1]))
+    if not getattr(actuator, name):
+        return f"{value:.8g} {unit}".rstrip()
     return f"{100 * (value / getattr(actuator, name) - 1):+.8g} %"

@@ -126,7 +126,7 @@ def test_both_sliders_move_poles_margins_and_gains_to_the_values_of_python(kind,
     schedule = request.getfixturevalue(kind)[0]
     visit = request.getfixturevalue("visit" if kind == "plain" else "rich_visit")
     openings, generator = opening_grid(schedule.actuator), np.random.default_rng(8)
-    plants = list(variants(schedule.actuator, schedule.specification.uncertainty).values())
+    plants = list(variants(schedule.actuator, schedule.specification).values())
     for k in range(20):
         i, j, plant = (int(generator.integers(n)) for n in (openings.size, POSITIONS + 1, len(plants)))
         x, y = openings[i], schedule.actuator.stroke * j / POSITIONS

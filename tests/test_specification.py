@@ -7,7 +7,7 @@ from hydroctl.specification import VARIATIONS, ranges, variant_label, variants
 
 
 def test_corners_are_the_nominal_plant_and_four_corners_at_high_supply(reference):
-    plants = variants(reference, "corners")
+    plants = variants(reference, hc.Specification(uncertainty="corners"))
     assert len(plants) == 5
     assert plants.pop("nominal") is reference
     assert {(p.bulk_modulus / 1.2e9, p.mass / 500) for p in plants.values()} == {(e, m) for e in (0.7, 1.3) for m in (0.5, 1.5)}
@@ -15,7 +15,7 @@ def test_corners_are_the_nominal_plant_and_four_corners_at_high_supply(reference
 
 
 def test_one_at_a_time_changes_one_parameter_of_each_plant_at_nominal_supply(reference):
-    plants = variants(reference, "one-at-a-time")
+    plants = variants(reference, hc.Specification(uncertainty="one-at-a-time"))
     assert plants.pop("nominal") is reference
     changes = [
         {name: value / getattr(reference, name) for name, value in plant.parameters().items() if value != getattr(reference, name)}
@@ -37,7 +37,9 @@ def test_one_at_a_time_lies_between_nominal_and_corners(reference):
 
 
 def test_ranges_of_any_parameter_give_every_combination_of_their_ends(reference):
-    plants = variants(reference, {"mass": (0.5, 2.0), "leakage": (0.1, 10.0), "viscous_friction": (1.0, 3.0)})
+    plants = variants(
+        reference, hc.Specification(uncertainty={"mass": (0.5, 2.0), "leakage": (0.1, 10.0), "viscous_friction": (1.0, 3.0)})
+    )
     assert len(plants) == 9
     assert len(set(plants.values())) == 9
 
@@ -54,19 +56,19 @@ def test_all_faults_are_told_at_once():
 
 
 def test_close_factors_are_different_plants(reference):
-    assert len(variants(reference, {"mass": (1.0, 1.0004), "bulk_modulus": (0.9, 1.1)})) == 5
+    assert len(variants(reference, hc.Specification(uncertainty={"mass": (1.0, 1.0004), "bulk_modulus": (0.9, 1.1)}))) == 5
 
 
 @pytest.mark.parametrize(("name", "unit"), [("load_force", "N"), ("valve_natural_frequency", "rad/s")])
 def test_a_factor_on_what_is_not_there_is_refused_and_a_range_in_units_offered(reference, name, unit):
     with pytest.raises(hc.InputError, match=f"uncertainty of {name} varies nothing.*texts with units, in {unit}"):
-        variants(reference, {name: (0.5, 2.0)})
+        variants(reference, hc.Specification(uncertainty={name: (0.5, 2.0)}))
     with pytest.raises(hc.InputError, match=r"uncertainty of dead_band varies nothing.*leave it out"):
-        variants(reference, {"dead_band": (0.5, 2.0)})
+        variants(reference, hc.Specification(uncertainty={"dead_band": (0.5, 2.0)}))
 
 
 def test_values_with_units_are_absolute_and_of_either_sign(reference):
-    plants = variants(reference, {"load_force": ("-5 kN", "20 kN"), "mass": (0.5, 1.5)})
+    plants = variants(reference, hc.Specification(uncertainty={"load_force": ("-5 kN", "20 kN"), "mass": (0.5, 1.5)}))
     assert list(plants) == [
         "nominal",
         "load_force -5 kN, mass -50 %",
@@ -106,7 +108,7 @@ def test_a_plant_within_the_ranges_is_called_as_they_are_stated(reference):
 
 def test_values_that_no_machine_can_have_are_refused_with_the_reason(reference):
     with pytest.raises(hc.InputError, match="is not below supply_pressure"):
-        variants(reference, {"tank_pressure": ("0 bar", "460 bar")})
+        variants(reference, hc.Specification(uncertainty={"tank_pressure": ("0 bar", "460 bar")}))
 
 
 BAD_RANGES = [

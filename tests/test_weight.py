@@ -194,7 +194,7 @@ def test_an_inclined_machine_is_the_level_one_with_its_weight_as_load(what):
 
 def test_weight_follows_the_mass_of_every_variant():
     hanging = LIFT.replace(mass=3000.0, inclination=math.pi / 2)
-    corners = [*variants(hanging, "corners").values(), *plants_of(hanging, SLOW, "box").values()]
+    corners = [*variants(hanging, hc.Specification(uncertainty="corners")).values(), *plants_of(hanging, SLOW, "box").values()]
     assert {round(plant.mass) for plant in corners} == {1500, 3000, 4500}
     for machine in corners:
         found = hc.find_operating_points(machine, [0.5], 0.2)

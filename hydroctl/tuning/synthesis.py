@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..actuator import Actuator
@@ -9,8 +11,9 @@ from ..errors import InfeasibleError, InputError
 from ..margins import Loop, analyse, peaks
 from ..operating_point import find_operating_points
 from ..regulators import Regulators
-from ..schedule import GainSchedule, design_pressure_drops, sampled_plants, with_midpoints
-from ..specification import Specification
+from ..schedule import GainSchedule, design_pressure_drops, with_midpoints
+from ..specification import Specification, box_of
+from .box import search_box, search_design_points
 from .limits import between_points, limits_of, phrase
 from .nodes import choose_nodes, mixing_matrix
 from .refinement import Problem, broken, exact_gains, rough_gains
@@ -18,6 +21,8 @@ from .task import Task, task_of
 
 _WINDUP_SHARE, _LEAST_WINDUP_SAMPLES = 0.25, 10
 _DENSER = 9
+_SEARCHES = 12
+_FEW = 4
 _LOW_FLOW = 0.1
 
 
@@ -39,9 +44,43 @@ def tune(
 
 def schedule_for(task: Task) -> GainSchedule:
     """The schedule of `tune` for a task."""
+    return on_the_whole_box(task, _dense_schedule, _scheduled)
+
+
+def on_the_whole_box(task: Task, make: Callable[[Task], GainSchedule], make_few: Callable[[Task], GainSchedule]) -> GainSchedule:
+    """What `make` designs for the task and for the plants of its box on which it is worst: those that a search finds of the
+    designs of `make_few` at a few points, then of those of `make`, until there is none that is worse than the ones it counts."""
+    if not box_of(task.actuator, task.specification.uncertainty):
+        return make(task)
+    few = task.part(_few(task.x), _few(task.y))
+    _, few = _until_none_is_worse(few, make_few, search_design_points)
+    schedule, _ = _until_none_is_worse(task.with_plants(few.changes[len(task.changes) :]), make, search_box)
+    return schedule
+
+
+def _until_none_is_worse(task: Task, make, search) -> tuple[GainSchedule, Task]:
+    for _ in range(_SEARCHES):
+        schedule = make(task)
+        found = search(schedule)
+        if not found.worse:
+            break
+        task = task.with_plants(found.worse).at(schedule.design_x, schedule.design_y)
+    return schedule, task
+
+
+def _few(nodes: np.ndarray) -> np.ndarray:
+    """Indices of at most `_FEW` of the nodes of each side of 0, the outermost among them."""
+    first = int(np.searchsorted(nodes, 0.0))
+    sides = (np.arange(first), np.arange(first, nodes.size))
+    spread = (side[np.linspace(0, side.size - 1, min(_FEW, side.size)).round().astype(int)] for side in sides if side.size)
+    return np.concatenate(list(spread))
+
+
+def _dense_schedule(task: Task) -> GainSchedule:
+    """The schedule that keeps every limit at the points of `task`, and at those half-way between them that it needs."""
     schedule = _scheduled(task)
     for _ in range(_DENSER):
-        x, y = _needed_points(schedule)
+        x, y = _needed_points(task, schedule)
         if x.size == task.x.size and y.size == task.y.size:
             break
         task = task.at(x, y)
@@ -64,13 +103,13 @@ def _scheduled(task: Task) -> GainSchedule:
     return assemble_schedule(task, nodes, task.regulators(gains, frequency))
 
 
-def _needed_points(schedule: GainSchedule) -> tuple[np.ndarray, np.ndarray]:
+def _needed_points(task: Task, schedule: GainSchedule) -> tuple[np.ndarray, np.ndarray]:
     """(x, y): the design points, with those rows and columns half-way between them where a limit is missed by too much.
 
     Where it is missed at a design opening or position, the other coordinate is the one that lacks points.
     """
     x, y = with_midpoints(schedule.design_x), with_midpoints(schedule.design_y)
-    _, plants = sampled_plants(schedule.actuator, x, y, schedule.loop, schedule.specification)
+    plants = task.at(x, y).plants
     loops = Loop(plants, schedule.gains(x[:, None], y).broadcast_to(plants.shape))
     missed = broken(loops, between_points(schedule.specification)).any(axis=0)
     new_x, new_y = ~np.isin(x, schedule.design_x), ~np.isin(y, schedule.design_y)
@@ -87,7 +126,10 @@ def tune_fixed(
     This is the robust constant regulator of the source paper's section 5; its notch stands at the middle of the nominal
     plant's natural frequencies. Arguments and errors as in `tune`.
     """
-    task = task_of(actuator, x, y, loop, structure, specification)
+    return on_the_whole_box(task_of(actuator, x, y, loop, structure, specification), _fixed_schedule, _fixed_schedule)
+
+
+def _fixed_schedule(task: Task) -> GainSchedule:
     middle = np.sqrt(task.notch_frequency.min() * task.notch_frequency.max())
     mix = mixing_matrix(task.x[-1:], task.y[-1:], task.x, task.y)
     problem = Problem(task, np.full(task.notch_frequency.shape, middle), mix, np.ones(task.notch_frequency.size))
@@ -127,7 +169,7 @@ def assemble_schedule(task: Task, nodes, regulators: Regulators) -> GainSchedule
         )
     return GainSchedule(
         actuator=task.actuator,
-        specification=task.specification,
+        specification=task.searched_specification,
         loop=task.loop,
         structure=task.structure,
         x=nodes[0],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,8 +11,8 @@ from ..actuator import Actuator
 from ..errors import InputError, unknown_name
 from ..frequency import LOOPS, SampledFamily
 from ..regulators import GAINS, STRUCTURES, Regulators, section_count
-from ..schedule import sampled_plants
-from ..specification import Specification
+from ..schedule import sampled, sampled_plants
+from ..specification import Specification, box_of, changed_plants, counted_changes
 from .convex import Bounds
 
 _SMALLEST_FLOW = 0.02
@@ -47,6 +48,9 @@ class Task:
     structure: str
     x: np.ndarray
     y: np.ndarray
+    changes: tuple[Mapping[str, float], ...]
+    """what the plants beside the nominal one differ by, {parameter: value in SI} each: those that are counted; of a box, those
+    that a search has found so far"""
     labels: tuple[str, ...]
     plants: SampledFamily
 
@@ -58,8 +62,20 @@ class Task:
 
     def at(self, x: np.ndarray, y: np.ndarray) -> Task:
         """The same task at other points."""
-        _, plants = sampled_plants(self.actuator, x, y, self.loop, self.specification)
+        _, plants = _modelled(self.actuator, self.specification, self.changes, x, y, self.loop)
         return replace(self, x=x, y=y, plants=plants)
+
+    def with_plants(self, changes: tuple[Mapping[str, float], ...]) -> Task:
+        """The same task on further plants, {parameter: value in SI} each."""
+        changes = (*self.changes, *changes)
+        labels, plants = _modelled(self.actuator, self.specification, changes, self.x, self.y, self.loop)
+        return replace(self, changes=changes, labels=labels, plants=plants)
+
+    @property
+    def searched_specification(self) -> Specification:
+        """The specification, with the plants that were found in its box."""
+        counted = counted_changes(self.actuator, self.specification.uncertainty)
+        return replace(self.specification, added_plants=tuple(change for change in self.changes if change not in counted))
 
     def place(self, k: int, i: int, j: int) -> str:
         """The words for plant k at point (i, j)."""
@@ -125,9 +141,12 @@ def task_of(actuator: Actuator, x, y, loop: str, structure: str, specification: 
     if faults:
         raise InputError(faults)
     x, y = (np.atleast_1d(np.asarray(values, dtype=float)) for values in (x, y))
-    labels, plants = sampled_plants(actuator, x, y, loop, specification)
-    specification = _notch_settled(specification, loop, structure, plants)
-    task = Task(actuator, specification, loop, structure, x, y, tuple(labels), plants)
+    counted = [] if box_of(actuator, specification.uncertainty) else counted_changes(actuator, specification.uncertainty)
+    changes = (*counted, *specification.added_plants)
+    labels, plants = _modelled(actuator, specification, changes, x, y, loop)
+    if "notch" in structure:
+        specification = _notch_settled(specification, loop, sampled_plants(actuator, x, y, loop, specification)[1])
+    task = Task(actuator, specification, loop, structure, x, y, changes, labels, plants)
     highest = task.notch_frequency.max()
     if ("notch" in structure or section_count(structure)) and highest >= np.pi / specification.sample_time:
         raise InputError(
@@ -137,14 +156,18 @@ def task_of(actuator: Actuator, x, y, loop: str, structure: str, specification: 
     return task
 
 
-def _notch_settled(specification: Specification, loop: str, structure: str, plants: SampledFamily) -> Specification:
-    """`specification` with what it leaves open of the notch of `structure`.
+def _modelled(actuator: Actuator, specification: Specification, changes, x, y, loop: str):
+    """(labels, sampled models over (plants, x, y)) of the nominal plant and those that differ by `changes`."""
+    plants = changed_plants(actuator, specification, changes)
+    return tuple(plants), sampled(plants, x, y, loop, specification)
+
+
+def _notch_settled(specification: Specification, loop: str, plants: SampledFamily) -> Specification:
+    """`specification` with what it leaves open of the notch; `plants` are all that it counts, and the corners of its box.
 
     A notch above the natural frequency of a plant turns the phase of its resonance towards -180 degrees: it must not stand far
     above that of the softest and heaviest one, where the gain is largest, too.
     """
-    if "notch" not in structure:
-        return specification
     ratio, resonance = specification.notch_ratio, plants.resonance[..., 0]
     if ratio is None:
         reach = _NOTCH_REACH * float((resonance / resonance[0]).min()) if specification.notch_damping is None else 1.0

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from ..actuator import Actuator
 from ..errors import InputError, unknown_name
-from ..specification import VARIATIONS, variants
+from ..specification import Specification, variants
 
 if TYPE_CHECKING:
     from ..schedule import GainSchedule
@@ -18,7 +17,7 @@ NAMES = ("nominal", "design", "box")
 
 def plants_of(actuator: Actuator, schedule: GainSchedule, wanted: str | Mapping[str, Actuator]) -> dict[str, Actuator]:
     """Machines by label, from their name or as given: "nominal" the machine alone; "design" those of the schedule's
-    specification; "box" the nominal one and the eight corners of the box of all `VARIATIONS`. Raises InputError.
+    specification; "box" the nominal one and the eight corners of the box of `Specification`. Raises InputError.
     """
     if isinstance(wanted, Mapping):
         if not wanted or not all(isinstance(plant, Actuator) for plant in wanted.values()):
@@ -28,13 +27,4 @@ def plants_of(actuator: Actuator, schedule: GainSchedule, wanted: str | Mapping[
         raise InputError(unknown_name("variants", wanted, NAMES))
     if wanted == "nominal":
         return {"nominal": actuator}
-    return variants(actuator, schedule.specification.uncertainty) if wanted == "design" else _box(actuator)
-
-
-def _box(actuator: Actuator) -> dict[str, Actuator]:
-    plants = {"nominal": actuator}
-    for corner in itertools.product((-1.0, 1.0), repeat=len(VARIATIONS)):
-        change = {field: sign * VARIATIONS[field] for field, sign in zip(VARIATIONS, corner, strict=True)}
-        label = ", ".join(f"{field} {100 * part:+.0f} %" for field, part in change.items())
-        plants[label] = actuator.replace(**{field: getattr(actuator, field) * (1.0 + part) for field, part in change.items()})
-    return plants
+    return variants(actuator, schedule.specification if wanted == "design" else Specification(uncertainty="box"))

@@ -1,0 +1,211 @@
+"""The plants of a box on which a schedule is worst, searched: a sample of the whole box, then uphill from its worst.
+
+A box is what an uncertainty spans between its ends. Between its corners a loop may be worse than on them: a notch that
+stands apart from the natural frequency on either side meets it somewhere inside. The sample is a low-discrepancy
+sequence, stretched so that part of it lies on the faces; the climb is a pattern search at the worst place. Neither
+proves anything: what they find is a lower bound of the worst.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from ..errors import InputError
+from ..frequency import frequency_grid
+from ..margins import Loop, analyse
+from ..schedule import GainSchedule, WorstPoint, sampled, with_midpoints
+from ..specification import box_of, variant_label
+
+_SAMPLE = 64
+_COLUMNS = 9
+"""positions of the sample"""
+_STRETCH = 1.4
+_FIRST_STEP, _LAST_STEP = 0.125, 0.01
+"""of the climb, in widths of the box"""
+_BATCH = 1e7
+"""values of a loop that are held at once"""
+_TOLERATED = 0.004, 0.016
+"""by how much a limit may be missed at the design points, and between them, before a plant counts as worse"""
+_AT_ONCE = 4
+"""plants that one search offers"""
+_COVERED = 0.7
+"""part of the excess at a place that a plant must have there to stand for the worst one"""
+_FREQUENCIES = 60
+"""logarithmic ones of the sample, beside those about the modes"""
+_PEAKS = ("Ms", "Mt")
+_MARGINS = {"min_crossover": "crossover"}
+"""the margins that limits of another name limit"""
+_EXCESS = {
+    "Ms": lambda found, limit: found.Ms - limit,
+    "Mt": lambda found, limit: found.Mt - limit,
+    "gain_margin": lambda found, limit: 1.0 - found.gain_margin / limit,
+    "phase_margin": lambda found, limit: limit - found.phase_margin,
+    "min_crossover": lambda found, limit: 1.0 - found.crossover / limit,
+}
+"""by how much margins miss each limit of a specification"""
+
+
+@dataclass(frozen=True)
+class BoxSearch:
+    """What a search of a schedule's box found, at its design points and half-way between them."""
+
+    worst: dict[str, WorstPoint]
+    """by limit ("Ms", "Mt" and those that the specification states): the worst margin that was found"""
+    worse: tuple[Mapping[str, float], ...]
+    """plants, {parameter: value in SI} each, on which a limit is missed by more than the tuner tolerates"""
+
+
+@lru_cache(maxsize=4)
+def search_box(schedule: GainSchedule) -> BoxSearch:
+    """Search the box of the schedule's specification at its design points and half-way between them.
+
+    InputError where the specification counts its plants, and for a plant of the box without an operating point.
+    """
+    return _Search(schedule, with_midpoints(schedule.design_x), with_midpoints(schedule.design_y)).result()
+
+
+def search_design_points(schedule: GainSchedule) -> BoxSearch:
+    """As `search_box`, at the design points alone."""
+    return _Search(schedule, schedule.design_x, schedule.design_y).result()
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A plant of the box, its coordinates from 0 to 1, at point (i, j), with the excess of one limit there."""
+
+    plant: np.ndarray
+    i: int
+    j: int
+    excess: float
+
+
+class _Search:
+    """The search of one schedule at x (mx,) by y (my,). Excesses are those beyond what is tolerated."""
+
+    def __init__(self, schedule: GainSchedule, x: np.ndarray, y: np.ndarray):
+        self.schedule, self.x, self.y = schedule, x, y
+        self.box = box_of(schedule.actuator, schedule.specification.uncertainty)
+        if not self.box:
+            raise InputError(f"uncertainty = {schedule.specification.uncertainty!r} counts its plants; there is no box to search.")
+        designed = np.isin(x, schedule.design_x)[:, None] & np.isin(y, schedule.design_y)
+        self.tolerated = np.where(designed, *_TOLERATED)
+        stated = {name: getattr(schedule.specification, name) for name in _EXCESS}
+        self.limits = {name: limit for name, limit in stated.items() if limit is not None}
+        self.columns = np.unique(np.linspace(0, y.size - 1, _COLUMNS).round().astype(int))
+
+    def result(self) -> BoxSearch:
+        plants = _sample(len(self.box))
+        excess = self.screened(plants)
+        left, worst, worse = excess.max(axis=1), {}, []
+
+        def climbed(limit: int, i: int, column: int) -> _Place:
+            best = plants[np.argmax(excess[limit, :, i, column])]
+            return self.climb(limit, best, i, int(self.columns[column]))
+
+        for limit, name in enumerate(self.limits):
+            at = _argmax(left[limit])
+            found = climbed(limit, *at)
+            worst[name] = self.point(name, found)
+            left[limit][at] = max(left[limit][at], found.excess)
+        while left.max() > 0.0 and len(worse) < _AT_ONCE:
+            at = _argmax(left)
+            plant = climbed(*at).plant
+            worse.append(self.change(plant))
+            left[self.screened(plant[None])[:, 0] >= _COVERED * left] = -np.inf
+            left[at] = -np.inf
+        return BoxSearch(worst, tuple(worse))
+
+    def climb(self, limit: int, plant: np.ndarray, i: int, j: int) -> _Place:
+        """Uphill from `plant` at point (i, j): to the best of the neighbours in the box, then among the points, or to shorter
+        steps."""
+        step, excess = _FIRST_STEP, self.exact(plant[None], [i], [j])[limit].item()
+        while step >= _LAST_STEP:
+            moves = step * np.concatenate([np.eye(plant.size), -np.eye(plant.size)])
+            near = np.unique(np.clip(plant + moves, 0.0, 1.0), axis=0)
+            rows, columns = (_beside(k, size) for k, size in ((i, self.x.size), (j, self.y.size)))
+            in_box, around = self.exact(near, [i], [j])[limit, :, 0, 0], self.exact(plant[None], rows, columns)[limit, 0]
+            if max(in_box.max(), around.max()) <= excess:
+                step /= 2.0
+            elif in_box.max() >= around.max():
+                plant, excess = near[np.argmax(in_box)], float(in_box.max())
+            else:
+                (row, column), excess = _argmax(around), float(around.max())
+                i, j = rows[row], columns[column]
+        return _Place(plant, i, j, excess)
+
+    def exact(self, plants: np.ndarray, rows: list[int], columns: list[int]) -> np.ndarray:
+        """(limits, plants, rows, columns) excesses; infinite where the loop is unstable."""
+        found = analyse(self.loops(plants, rows, columns))
+        missed = np.stack([_EXCESS[name](found, limit) for name, limit in self.limits.items()])
+        return np.where(found.stable, missed, np.inf) - self.tolerated[np.ix_(rows, columns)]
+
+    def screened(self, plants: np.ndarray) -> np.ndarray:
+        """(limits, plants, mx, columns) excesses at some columns; of Ms and Mt on a grid of frequencies."""
+        rows = np.arange(self.x.size)
+        size = rows.size * self.columns.size * _FREQUENCIES
+        batches = np.array_split(plants, max(1, round(len(plants) * size / _BATCH)))
+        found = [self._screened(self.loops(batch, rows, self.columns)) for batch in batches]
+        return np.concatenate(found, axis=1) - self.tolerated[:, self.columns]
+
+    def _screened(self, loops: Loop) -> np.ndarray:
+        found = _on_grid(loops) if set(self.limits) <= set(_PEAKS) else analyse(loops)
+        return np.stack([_EXCESS[name](found, limit) for name, limit in self.limits.items()])
+
+    def loops(self, plants: np.ndarray, rows, columns) -> Loop:
+        """(plants, rows, columns)"""
+        s, x, y = self.schedule, self.x[rows], self.y[columns]
+        machines = {self.label(plant): s.actuator.replace(**self.change(plant)) for plant in plants}
+        models = sampled(machines, x, y, s.loop, s.specification)
+        return Loop(models, s.gains(x[:, None], y).broadcast_to(models.shape))
+
+    def change(self, plant: np.ndarray) -> dict[str, float]:
+        """What the plant at these coordinates differs by, SI."""
+        return {name: float(low + at * (high - low)) for (name, (low, high)), at in zip(self.box.items(), plant, strict=True)}
+
+    def label(self, plant: np.ndarray) -> str:
+        return variant_label(self.schedule.actuator, self.schedule.specification.uncertainty, self.change(plant))
+
+    def point(self, name: str, found: _Place) -> WorstPoint:
+        """The margin of limit `name` at the place that was found."""
+        margins = analyse(self.loops(found.plant[None], [found.i], [found.j]))
+        value = getattr(margins, _MARGINS.get(name, name)).item()
+        return WorstPoint(name, value, self.label(found.plant), float(self.x[found.i]), float(self.y[found.j]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Peaks:
+    Ms: np.ndarray
+    Mt: np.ndarray
+
+
+def _on_grid(loops: Loop) -> _Peaks:
+    """Ms and Mt as far as the frequencies of the plants show them."""
+    L = loops.frequency_response(frequency_grid(loops.plant, points=_FREQUENCIES))
+    S = 1.0 / np.abs(1.0 + L)
+    return _Peaks(S.max(axis=-1), (np.abs(L) * S).max(axis=-1))
+
+
+def _sample(parameters: int) -> np.ndarray:
+    """(n, parameters) from 0 to 1: the corners, then the sequence of the generalized golden ratio (Roberts, 2018), stretched
+    beyond the faces and brought back onto them."""
+    corners = np.array(list(itertools.product((0.0, 1.0), repeat=parameters)))
+    ratio = 2.0
+    for _ in range(_SAMPLE):
+        ratio = (1.0 + ratio) ** (1.0 / (parameters + 1.0))
+    steps = ratio ** -np.arange(1.0, parameters + 1.0)
+    inside = (0.5 + np.arange(1, _SAMPLE + 1)[:, None] * steps) % 1.0
+    return np.unique(np.concatenate([corners, np.clip(0.5 + _STRETCH * (inside - 0.5), 0.0, 1.0)]), axis=0)
+
+
+def _beside(index: int, size: int) -> list[int]:
+    """The indices next to `index` and itself, within `size`."""
+    return list(range(max(index - 1, 0), min(index + 2, size)))
+
+
+def _argmax(values: np.ndarray) -> tuple[int, ...]:
+    return tuple(int(k) for k in np.unravel_index(np.argmax(values), values.shape))
