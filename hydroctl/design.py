@@ -17,6 +17,7 @@ from .linearization import LinearFamily, linearize
 from .operating_point import OperatingPoints, find_operating_points
 from .quasi_linear import QuasiLinearModel
 from .reduction import SecondOrderFamily, reduce_order
+from .remarks import machine_remarks
 from .schedule import GainSchedule
 from .specification import Specification
 from .summary import summarize, to_dict
@@ -62,7 +63,8 @@ def design(
     points = stage("operating points", lambda: find_operating_points(actuator, openings[:, None], y))
     family = stage("linearization", lambda: linearize(actuator, points))
     reduced = stage("reduction", lambda: reduce_order(family))
-    model, remarks = stage("surfaces", lambda: _surfaces(reduced))
+    model, poor_fits = stage("surfaces", lambda: _surfaces(reduced))
+    remarks = (*machine_remarks(actuator, openings, specification), *poor_fits)
     common = {"loop": loop, "structure": structure, "specification": specification}
     schedule = stage("tuning", lambda: tune(actuator, x, y, **common))
     fixed = stage("fixed regulator", lambda: tune_fixed(actuator, x, y, **common))
@@ -86,7 +88,7 @@ class Design:
     model: QuasiLinearModel | None
     """None where too few points reduce to second order"""
     remarks: tuple[str, ...]
-    """what the user should know of the reduced model"""
+    """what the user should know of the machine and of the reduced model"""
     schedule: GainSchedule
     fixed: GainSchedule
     """one regulator for all points and variants, for comparison"""
