@@ -50,8 +50,8 @@ def _parameter(
 class Actuator:
     """A cylinder, its valve, its supply and its load. SI throughout; symbols of the source paper in brackets.
 
-    What is left out is left out of the model: no tank pressure, load, dry friction, overlap or end stop, an ideal valve. Two
-    parameters follow another one when left out: the b edges are as the a edges, breakaway friction is Coulomb friction.
+    What is left out is left out of the model: no tank pressure, load, inclination, dry friction, overlap or end stop, an ideal
+    valve. Two parameters follow another one when left out: the b edges are as the a edges, breakaway friction is Coulomb friction.
     Raises InputError with every fault at once: field, value and way out.
     """
 

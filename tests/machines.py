@@ -128,6 +128,14 @@ def machines(draw) -> Actuator:
 
 
 @st.composite
+def inclined_machines(draw) -> Actuator:
+    """`machines` at any angle at which their weight is at most a fifth of the force of the rod side."""
+    machine = draw(machines())
+    most = 0.2 * machine.area_b * machine.supply_pressure / (9.80665 * machine.mass)
+    return machine.replace(inclination=draw(st.floats(-1.0, 1.0)) * math.asin(min(most, 1.0)))
+
+
+@st.composite
 def dry_machines(draw) -> Actuator:
     """`machines` with dry friction up to a tenth of the force of the rod side, and overlap."""
     machine = draw(machines())

@@ -35,7 +35,7 @@ LAYERS = (
     ("export",),
     ("plotting",),
     ("report",),
-    ("summary",),
+    ("summary", "remarks"),
     ("design",),
     ("cli",),
 )

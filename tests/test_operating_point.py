@@ -4,7 +4,19 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from machines import DIFFERENTIAL, LOSSLESS, REFERENCE, balances, dry_machines, imbalance, machines, mirrored, paper_closed_form
+from machines import (
+    DIFFERENTIAL,
+    LOSSLESS,
+    REFERENCE,
+    balances,
+    dry_machines,
+    imbalance,
+    inclined_machines,
+    machines,
+    mirrored,
+    paper_closed_form,
+    total_load,
+)
 
 import hydroctl as hc
 from hydroctl import equilibrium, plant
@@ -275,7 +287,12 @@ def test_within_the_dead_band_the_valve_is_closed_and_beyond_it_the_opening_coun
 
 
 @settings(max_examples=40, deadline=None)
-@given(machine=machines(), x=st.floats(0.01, 1.0), side=st.sampled_from([-1.0, 1.0]), share=st.floats(0.0, 1.0))
+@given(
+    machine=st.one_of(machines(), inclined_machines()),
+    x=st.floats(0.01, 1.0),
+    side=st.sampled_from([-1.0, 1.0]),
+    share=st.floats(0.0, 1.0),
+)
 def test_random_machines_rest_at_their_points_and_mirror(machine, x, side, share):
     x, y = side * x, share * machine.stroke
     points, other = hc.find_operating_points(machine, [x], y), hc.find_operating_points(mirrored(machine), [-x], machine.stroke - y)
@@ -283,7 +300,7 @@ def test_random_machines_rest_at_their_points_and_mirror(machine, x, side, share
     assert points.feasible[0] or points.reason[0]
     if points.feasible[0]:
         assert points.residual[0] <= 1e-12
-        assert imbalance(machine, x, p_a, p_b, v, machine.load_force) <= 1e-11  # sqrt(p_s - p) of a rounded p
+        assert imbalance(machine, x, p_a, p_b, v, total_load(machine)) <= 1e-11  # sqrt(p_s - p) of a rounded p
         np.testing.assert_allclose([other.p_b[0], other.p_a[0], -other.v[0]], [p_a, p_b, v], rtol=1e-9)
         family = hc.linearize(machine, points)
         assert np.isfinite(family.A).all()

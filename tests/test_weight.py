@@ -202,6 +202,15 @@ def test_weight_follows_the_mass_of_every_variant():
         assert held == pytest.approx(machine.mass * 9.80665, rel=1e-9)
 
 
+def test_a_variant_that_cannot_hold_its_own_weight_is_named():
+    """1.5 times 3200 kg weigh 47 kN; at 0.8 times the supply the cylinder holds 40 kN."""
+    heavy = LIFT.replace(mass=3200.0)
+    still = Scenario(reference=np.full(10, 0.2), y=0.2, **POSITION)
+    words = r"mass \+50 %, supply_pressure -20 % plant: the load of 47071.9 N cannot be held"
+    with pytest.raises(hc.InputError, match=words):
+        hc.validate(heavy, SLOW, scenarios=[still], variants="box", requirements=())
+
+
 def test_weight_follows_the_mass_of_every_case_of_a_campaign():
     """Against a level machine that carries the case's own weight as its load."""
     k = np.arange(300)

@@ -70,7 +70,8 @@ def validate(
 
     `scenarios` default to `step_scenarios`, `requirements` to `default_requirements` of the nominal machine and the Mt of the
     schedule's specification. `variants`: see `plants_of`. A run that fails is in the report with its reason; it raises nothing.
-    Raises InputError for an unknown loop or variant and for scenarios that do not fit the schedule.
+    Raises InputError for an unknown loop or variant, for scenarios that do not fit the schedule and for a plant that cannot hold
+    its load at rest.
     """
     if scenarios is None:
         scenarios = step_scenarios(actuator, schedule.loop, Ts=schedule.Ts)
@@ -88,4 +89,6 @@ def _run(label: str, plant: Actuator, schedule: GainSchedule, scenario: Scenario
         trajectory = simulate_closed_loop(plant, schedule, scenario)
     except SimulationError as error:
         return Run(scenario, label, plant, None, None, str(error))
+    except InputError as error:
+        raise InputError(f"{label} plant: {fault}" for fault in error.faults) from None
     return Run(scenario, label, plant, trajectory, measure(plant, scenario, trajectory))
