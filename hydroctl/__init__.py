@@ -18,6 +18,7 @@ _HOME = {
     "Actuator": "actuator",
     "CampaignResult": "validation",
     "Design": "design",
+    "FailedChecksError": "errors",
     "GainSchedule": "schedule",
     "HydroctlError": "errors",
     "InfeasibleError": "errors",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +22,7 @@ from .specification import Specification
 from .summary import summarize, to_dict
 from .surfaces import PoorFitWarning, fit_surfaces
 from .tuning import default_points, tune, tune_fixed
-from .validation import Standing, ValidationReport, Verdict, against_rivals, validate
+from .validation import Standing, ValidationReport, Verdict, against_rivals, failures, validate
 from .verdicts import margin_verdicts
 
 STAGES = (
@@ -71,6 +71,8 @@ def design(
     fixed_validation = stage("validation of the fixed regulator", lambda: validate(actuator, fixed))
     comparison = stage("comparison", lambda: against_rivals(schedule, fixed))
     evidence = (verdicts, validation, fixed_validation, comparison)
+    if failed := failures([*verdicts, *validation.verdicts]):
+        schedule = replace(schedule, failed_checks=failed)
     return Design(actuator, points, family, reduced, model, remarks, schedule, fixed, *evidence, seconds)
 
 
@@ -88,6 +90,7 @@ class Design:
     remarks: tuple[str, ...]
     """what the user should know of the reduced model"""
     schedule: GainSchedule
+    """with the requirements that it does not meet as its `failed_checks`"""
     fixed: GainSchedule
     """one regulator for all points and variants, for comparison"""
     margin_verdicts: tuple[Verdict, ...]

@@ -50,6 +50,11 @@ class Verdict:
         return f"{word}  {self.name}: {self.achieved:.4g} {sign} {self.limit:.4g} {self.unit}".rstrip() + f"  ({where})"
 
 
+def failures(verdicts: Iterable[Verdict]) -> tuple[str, ...]:
+    """Those that failed, in words."""
+    return tuple(str(verdict) for verdict in verdicts if not verdict.passed)
+
+
 _ALL = ("step", "saturated", "reversal", "tracking")
 _SETTLES = ("step", "saturated", "reversal")
 
