@@ -182,7 +182,7 @@ def test_the_evidence_of_a_coupling_separates_what_it_reached_from_its_limit(Ms,
 
 def refused(act) -> str:
     """What is said where `act` is refused."""
-    with pytest.raises((hc.InputError, hc.SimulationError)) as caught:
+    with pytest.raises(hc.HydroctlError) as caught:
         act()
     return str(caught.value)
 
@@ -210,6 +210,18 @@ BY_A_HAIR = {
         r"sampled every (\S+) s, the schedule every (\S+) s",
         float.__gt__,
     ),
+    "stall force of a point": (
+        lambda a: hc.find_operating_points(a, 1.0, 0.2, load_force=UP(float(stall_force(a, 1.0)))),
+        r"load_force = (\S+) N is at or beyond the stall force of (\S+) N",
+        float.__gt__,
+    ),
+    "dead band": (
+        lambda a: hc.find_operating_points(a.replace(dead_band=0.05), DOWN(0.05), 0.2),
+        r"x=(\S+), y=.*dead band of (\S+), so",
+        float.__lt__,
+    ),
+    "end of the stroke": (lambda a: hc.find_operating_points(a, 0.5, UP(a.stroke)), r"y=(\S+) m: .*0 to (\S+) m", float.__gt__),
+    "full opening": (lambda a: hc.find_operating_points(a, UP(1.0), 0.2), r"x=(\S+), y=.* -1 and (1)\.", float.__gt__),
     "longest sample time": (
         lambda a: hc.step_scenarios(a, "velocity", Ts=UP(scale_of(a, "velocity").settling / 20.0)),
         r"Ts = (\S+) must be a sample time between 0 and (\S+) s",
