@@ -187,6 +187,12 @@ def refused(act) -> str:
     return str(caught.value)
 
 
+def crossover(actuator) -> float:
+    """rad/s that the largest gains at the same point reach."""
+    return hc.tune(actuator, [1.0], [0.2], specification=NOMINAL).margins.worst("crossover").value
+
+
+NOMINAL = hc.Specification(uncertainty="nominal")
 UP, DOWN = (lambda value: hair(value, 1.0)), (lambda value: hair(value, -1.0))
 BY_A_HAIR = {
     "volume_b": (lambda a: a.replace(volume_b=DOWN(a.area_b * a.stroke)), r"volume_b = (\S+) m.* = (\S+) m\^3\)", float.__lt__),
@@ -222,6 +228,11 @@ BY_A_HAIR = {
     ),
     "end of the stroke": (lambda a: hc.find_operating_points(a, 0.5, UP(a.stroke)), r"y=(\S+) m: .*0 to (\S+) m", float.__gt__),
     "full opening": (lambda a: hc.find_operating_points(a, UP(1.0), 0.2), r"x=(\S+), y=.* -1 and (1)\.", float.__gt__),
+    "crossover": (
+        lambda a: hc.tune(a, [1.0], [0.2], specification=replace(NOMINAL, min_crossover=UP(crossover(a)))),
+        r"cross over at (\S+) rad/s, below min_crossover = (\S+) ",
+        float.__lt__,
+    ),
     "longest sample time": (
         lambda a: hc.step_scenarios(a, "velocity", Ts=UP(scale_of(a, "velocity").settling / 20.0)),
         r"Ts = (\S+) must be a sample time between 0 and (\S+) s",
