@@ -69,7 +69,7 @@ _HOME = {
     "tune": "tuning",
     "tune_fast": "tuning",
     "tune_fixed": "tuning",
-    "tune_search": "tuning",
+    "tune_search": "searched_tuning",
     "validate": "validation",
 }
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -22,8 +22,8 @@ from .specification import Specification
 from .summary import summarize, to_dict
 from .surfaces import PoorFitWarning, fit_surfaces
 from .tuning import default_points, tune, tune_fixed
-from .validation import Standing, ValidationReport, Verdict, against_rivals, failures, validate
-from .verdicts import margin_verdicts
+from .validation import Standing, ValidationReport, Verdict, against_rivals, validate
+from .verdicts import margin_verdicts, with_failures
 
 STAGES = (
     "operating points",
@@ -71,9 +71,8 @@ def design(
     fixed_validation = stage("validation of the fixed regulator", lambda: validate(actuator, fixed))
     comparison = stage("comparison", lambda: against_rivals(schedule, fixed))
     evidence = (verdicts, validation, fixed_validation, comparison)
-    if failed := failures([*verdicts, *validation.verdicts]):
-        schedule = replace(schedule, failed_checks=failed)
-    return Design(actuator, points, family, reduced, model, remarks, schedule, fixed, *evidence, seconds)
+    judged = with_failures(schedule, [*verdicts, *validation.verdicts])
+    return Design(actuator, points, family, reduced, model, remarks, judged, fixed, *evidence, seconds)
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,7 +32,7 @@ LAYERS = (
     ("tuning", "coupling"),
     ("validation", "synchronization"),
     ("testing", "verdicts"),
-    ("export",),
+    ("export", "searched_tuning"),
     ("plotting",),
     ("report",),
     ("summary",),
