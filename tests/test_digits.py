@@ -46,6 +46,10 @@ def judged(achieved: float, limit: float, at_least: bool, unit: str) -> Verdict:
     return Verdict("requirement", unit, "reason", limit, achieved, passed, "scenario", "variant", at_least)
 
 
+def hair(value: float, direction: float) -> float:
+    return math.nextafter(value, direction * math.inf)
+
+
 def as_number(printed: str) -> float:
     """What the report prints, read back."""
     return float(printed.replace("−", "-").replace("∞", "inf"))
@@ -58,6 +62,17 @@ def test_texts_differ_as_the_values_do_and_in_their_order(pair, factor, digits):
     assert (one == other) == (pair[0] == pair[1])
     for text, value in zip((one, other), pair, strict=True):
         assert float(text) == pytest.approx(value * factor, rel=0.51 * 10.0 ** (1 - digits), abs=0.0)
+
+
+@pytest.mark.parametrize("factor", FACTORS[1:])
+def test_neighbours_whose_products_are_one_number_are_still_told_apart(factor):
+    """A product has no more digits than a factor: some neighbours among 1000 fall together."""
+    ones = np.random.default_rng(7).uniform(1.0, 1e8, 1000).tolist()
+    together = [(one, hair(one, 1.0)) for one in ones if one * factor == hair(one, 1.0) * factor]
+    assert together
+    for pair in together:
+        lower, upper = map(float, apart(*pair, factor=factor))
+        assert lower < upper
 
 
 @given(st.lists(numbers(), min_size=1, max_size=5))
@@ -107,10 +122,6 @@ def test_a_row_of_the_report_does_so_in_the_unit_of_the_reader(pair, at_least, u
 @pytest.fixture(scope="module")
 def schedule(reference):
     return hc.tune(reference, [-1.0, 1.0], [0.0, 0.25, 0.5], specification=hc.Specification(uncertainty="nominal"))
-
-
-def hair(value: float, direction: float) -> float:
-    return math.nextafter(value, direction * math.inf)
 
 
 def test_a_design_that_fails_by_a_hair_says_so_in_every_output(reference, schedule):
