@@ -13,8 +13,8 @@ EXACT = 17
 def apart(*values: float, digits: int = FEWEST, factor: float = 1.0) -> tuple[str, ...]:
     """`values` times `factor` (above 0) as texts that differ where the values differ.
 
-    All have the same number of significant digits, the fewest that do it from `digits` on. Rounding to one number of digits
-    keeps the order: what holds between the values holds between the texts.
+    All have the same number of significant digits, the fewest that do it from `digits` on. Rounding
+    to one number of digits keeps the order: what holds between the values holds between the texts.
     """
     scaled, different = _scaled(values, factor), len(set(values))
     for count in range(digits, EXACT):
@@ -25,7 +25,7 @@ def apart(*values: float, digits: int = FEWEST, factor: float = 1.0) -> tuple[st
 
 
 def _scaled(values: tuple[float, ...], factor: float) -> list[float]:
-    """The products; where two values that differ give one product, the larger value gets the next number."""
+    """The products; where different values give one product, the larger gets the next number."""
     products, last = {}, math.nan
     for value in sorted(set(values)):
         product = float(value * factor)

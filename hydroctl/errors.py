@@ -30,7 +30,7 @@ class InfeasibleError(HydroctlError):
 
 
 class FailedChecksError(HydroctlError):
-    """An export was refused, because what it would write fails checks of its own; `checks` holds them, one sentence each."""
+    """An export was refused, because what it would write fails checks; `checks` holds them."""
 
     def __init__(self, advice: str, checks: Iterable[str]):
         self.checks = tuple(checks)

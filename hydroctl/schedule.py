@@ -72,7 +72,7 @@ class GainSchedule:
     pressure_drops: np.ndarray | None = None
     """(2, 2) in Pa: the design's drops over the open edges at A and B, retracting and extending; None: no compensation"""
     failed_checks: tuple[str, ...] = ()
-    """requirements that its design found unmet, or that an export passed over, one sentence each; empty where none is known"""
+    """requirements that its design found unmet or that an export passed over; empty: none is known"""
 
     @property
     def Ts(self) -> float:

@@ -295,7 +295,7 @@ class Document(_Part):
     actuator: Machine
     design: Design
     failed_checks: list[str]
-    """requirements, on the margins or on the nonlinear plant, that the schedule is known not to meet; empty where none is"""
+    """requirements on margins or nonlinear plant that the schedule is known not to meet"""
     test_vectors: TestVectors | None
     """null in a file of a version before 3"""
     fingerprint: str | None

@@ -32,7 +32,7 @@ def law_text(loop: str) -> str:
 
 
 def document_of(schedule, failed_checks: tuple[str, ...]) -> schedule_document.Document:
-    """The document that describes a `GainSchedule` in full; `failed_checks`: the requirements that it is known not to meet."""
+    """The document that describes a `GainSchedule` in full, and the requirements that it fails."""
     d, units = schedule_document, schedule_document.GAIN_UNITS[schedule.loop]
 
     axes = [

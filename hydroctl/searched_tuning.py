@@ -1,7 +1,8 @@
-"""`tune_search`: settings of the regulator searched for the largest gain, and what that did to the motion.
+"""`tune_search`: the regulator's settings searched for the largest gain, and what that did.
 
-A larger gain is what the search looks for, not what a machine is asked for. So the schedule with the settings that were found is
-set beside that with the specification's own, on the nonlinear nominal plant, in quantities of which less is better.
+A larger gain is what the search looks for, not what a machine is asked for. So the schedule with the
+settings that were found is set beside that with the specification's own, on the nonlinear nominal
+plant, in quantities of which less is better.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ _SMALLEST_OVERSHOOT = 1e-3
 
 @dataclass(frozen=True)
 class Change:
-    """A quantity of which less is better, with the specification's own settings and with those found."""
+    """A quantity, the less the better, with the specification's settings and with those found."""
 
     name: str
     unit: str
@@ -62,21 +63,21 @@ class Change:
 
 @dataclass(frozen=True, eq=False)
 class SearchedTuning:
-    """The schedule with the settings of the largest gain that were found, and what they did beside that."""
+    """The schedule with the settings of the largest gain found, and what else they did."""
 
     schedule: GainSchedule
     """with the requirements that it does not meet as its `failed_checks`"""
     specified: GainSchedule
     """with the specification's own settings, likewise"""
     settings: dict[str, float]
-    """notch_ratio (notch frequency over natural frequency), zz, zp, Tf in s, zero and pole of the first section: those searched"""
+    """those searched, as in `tuning.SearchedSettings`"""
     gain_ratio: float
-    """the gain that `tune` maximizes, over that with the specification's own settings (geometric mean over the points)"""
+    """the gain that `tune` maximizes over that with the specification's own settings"""
     trials: tuple[tuple[dict[str, float], float], ...]
-    """(settings, gain over the specification's own at a few points) of every trial; 0 where no stable design was found"""
+    """of the search, as in `tuning.SearchedSettings`"""
     changes: tuple[Change, ...]
-    """settling, overshoot and error after a load step, each at its worst scenario on the nominal plant, and |C| at the Nyquist
-    frequency at its worst node"""
+    """settling, overshoot and error after a load step, each at its worst scenario on the nominal
+    plant, and |C| at the Nyquist frequency at its worst node"""
     verdicts_before: tuple[Verdict, ...]
     """on margins and nominal plant, as in a design, with the specification's own settings"""
     verdicts: tuple[Verdict, ...]
@@ -84,7 +85,7 @@ class SearchedTuning:
 
     @property
     def worse(self) -> tuple[str, ...]:
-        """Names of what got worse: quantities that grew, then requirements that were met and are not now."""
+        """Names of what got worse: quantities that grew, then requirements met before and not now."""
         met = {verdict.name for verdict in self.verdicts_before if verdict.passed}
         broken = [verdict.name for verdict in self.verdicts if not verdict.passed and verdict.name in met]
         return tuple(dict.fromkeys([*(change.name for change in self.changes if change.worse), *broken]))
@@ -95,7 +96,7 @@ class SearchedTuning:
         return tuple(change.name for change in self.changes if change.better)
 
     def summary(self) -> str:
-        """What the settings are, and what they did: the outcome first, then every quantity and the requirements not met."""
+        """The outcome first, then the settings, every quantity, and the requirements not met."""
         outcome = f"WORSE in {', '.join(self.worse)}" if self.worse else "nothing got worse"
         gained = f"better in {', '.join(self.better)}" if self.better else "nothing got better"
         found = ", ".join(f"{name} {value:.4g}" for name, value in self.settings.items())
@@ -120,11 +121,13 @@ def _unmet(settings: str, verdicts: Sequence[Verdict]) -> list[str]:
 def tune_search(
     actuator: Actuator, x, y, *, loop: str = "velocity", structure: str = "pi+notch", specification: Specification | None = None
 ) -> SearchedTuning:
-    """As `tune`, with notch dampings and frequency, derivative filter and the first lead-lag section searched for the largest gain.
+    """As `tune`, with notch dampings and frequency, derivative filter and first lead-lag section
+    searched for the largest gain.
 
-    Those that `structure` has are searched; a second section stays as specified, because a slower lag always gives more integral
-    gain. The largest gain may be the worse regulator: `summary` says what it did. Raises InputError for a structure with nothing
-    to search and for a machine that cannot move both ways, else as `tune` does.
+    Those that `structure` has are searched; a second section stays as specified, because a slower lag
+    always gives more integral gain. The largest gain may be the worse regulator: `summary` says what
+    it did. Raises InputError for a structure with nothing to search and for a machine that cannot
+    move both ways, else as `tune` does.
     """
     task = task_of(actuator, x, y, loop, structure, specification)
     tracking = tracking_scenarios(actuator, loop, Ts=task.specification.sample_time)

@@ -74,8 +74,8 @@ class Contents:
 
 
 def contents_of(schedule: GainSchedule, *, force: bool = False) -> Contents:
-    """The contents of `schedule`. Raises FailedChecksError where a check of its margins fails, or failed in its design, unless
-    `force`."""
+    """The contents of `schedule`. Raises FailedChecksError where it fails a check of its margins, or
+    failed one in its design, unless `force`."""
     failed = tuple(dict.fromkeys([*failures(margin_verdicts(schedule)), *schedule.failed_checks]))
     if failed and not force:
         raise FailedChecksError("the schedule fails its own checks; design it anew, or force the export:", failed)
