@@ -18,6 +18,7 @@ _HOME = {
     "Actuator": "actuator",
     "CampaignResult": "validation",
     "Design": "design",
+    "FailedChecksError": "errors",
     "GainSchedule": "schedule",
     "HydroctlError": "errors",
     "InfeasibleError": "errors",
@@ -68,7 +69,7 @@ _HOME = {
     "tune": "tuning",
     "tune_fast": "tuning",
     "tune_fixed": "tuning",
-    "tune_search": "tuning",
+    "tune_search": "searched_tuning",
     "validate": "validation",
 }
 

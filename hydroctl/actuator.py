@@ -22,6 +22,7 @@ from numbers import Real
 from types import SimpleNamespace
 from typing import Any
 
+from .digits import apart
 from .errors import InputError, shown, unknown_name
 
 STANDARD_GRAVITY = 9.80665
@@ -176,20 +177,20 @@ def _contradictions(p: SimpleNamespace) -> Iterator[str]:
     """Faults between parameters; NaN stands for one whose value is not known, and no comparison with it holds."""
     swept = p.area_b * p.stroke
     if p.volume_b <= swept:
+        held, needed = apart(p.volume_b, swept)
         yield (
-            f"volume_b = {p.volume_b:g} m^3 is used up before the end of the stroke (area_b * stroke = {swept:g} m^3); "
+            f"volume_b = {held} m^3 is used up before the end of the stroke (area_b * stroke = {needed} m^3); "
             "volume_b counts from y = 0, so raise it or shorten stroke."
         )
     if p.tank_pressure >= p.supply_pressure:
+        tank, supply = apart(p.tank_pressure, p.supply_pressure)
         yield (
-            f"tank_pressure = {p.tank_pressure:g} Pa is not below supply_pressure = {p.supply_pressure:g} Pa; "
+            f"tank_pressure = {tank} Pa is not below supply_pressure = {supply} Pa; "
             "give both on the same scale (both gauge or both absolute)."
         )
     if p.breakaway_friction is not None and p.breakaway_friction < p.coulomb_friction:
-        yield (
-            f"breakaway_friction = {p.breakaway_friction:g} N is below coulomb_friction = {p.coulomb_friction:g} N; "
-            "raise it or leave it out."
-        )
+        breakaway, coulomb = apart(p.breakaway_friction, p.coulomb_friction)
+        yield f"breakaway_friction = {breakaway} N is below coulomb_friction = {coulomb} N; raise it or leave it out."
     if (p.breakaway_friction or 0.0) > p.coulomb_friction and p.stribeck_speed is None:
         yield (
             f"stribeck_speed is missing: breakaway_friction = {p.breakaway_friction:g} N is above coulomb_friction; "
@@ -221,14 +222,15 @@ def field_fault(name: str, value: object) -> str | None:
         value = math.inf
     if not math.isfinite(value):
         return f"{name} = {value} is not finite; give {spec.metadata['text']} {form}."
-    if value <= spec.metadata["above"]:
-        return f"{name} = {value:g}{suffix} must be above {spec.metadata['above']:g} ({spec.metadata['text']})."
-    if value < spec.metadata["least"]:
-        return f"{name} = {value:g}{suffix} must be at least {spec.metadata['least']:g} ({spec.metadata['text']})."
-    if value > spec.metadata["most"]:
-        return f"{name} = {value:g}{suffix} must be at most {spec.metadata['most']:g} ({spec.metadata['text']})."
-    if value >= spec.metadata["below"]:
-        return f"{name} = {value:g}{suffix} must be below {spec.metadata['below']:g} ({spec.metadata['text']})."
+    for relation, bound, broken in (
+        ("above", spec.metadata["above"], value <= spec.metadata["above"]),
+        ("at least", spec.metadata["least"], value < spec.metadata["least"]),
+        ("at most", spec.metadata["most"], value > spec.metadata["most"]),
+        ("below", spec.metadata["below"], value >= spec.metadata["below"]),
+    ):
+        if broken:
+            given, allowed = apart(value, bound)
+            return f"{name} = {given}{suffix} must be {relation} {allowed} ({spec.metadata['text']})."
     return None
 
 

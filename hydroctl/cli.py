@@ -18,6 +18,7 @@ import typer
 
 import hydroctl
 
+from .digits import apart
 from .units import without_dask
 
 app = typer.Typer(
@@ -202,9 +203,14 @@ def _synchronize(paths: list[Path], coupling: str, tolerance: float, count: int,
         rms, completed = max(rms, float(cases.metrics["rms"][worst])), completed and bool(cases.completed.all())
         failed = int((~cases.completed).sum())
         typer.echo(f"{count} random cases, seed {seed}: {failed} failed, worst rms {1e3 * rms:.4f} mm (case {worst})")
-    passed = completed and designed.evidence.kept and rms <= tolerance
-    typer.echo(f"{'pass' if passed else 'FAIL'}  rms {1e3 * rms:.4f} mm, at most {1e3 * tolerance:g} mm allowed")
-    raise typer.Exit(0 if passed else 1)
+    reached, allowed = apart(rms, tolerance, digits=4, factor=1e3)
+    judged = {
+        f"rms {reached} mm, at most {allowed} mm allowed": rms <= tolerance,
+        "every motion reaches its end": completed,
+        "the coupling keeps its limit": designed.evidence.kept,
+    }
+    typer.echo("\n".join(f"{'pass' if passed else 'FAIL'}  {requirement}" for requirement, passed in judged.items()))
+    raise typer.Exit(0 if all(judged.values()) else 1)
 
 
 @app.command()

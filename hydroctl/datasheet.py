@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from .actuator import PARAMETERS, Actuator, field_fault, field_faults
+from .digits import apart
 from .errors import InputError, shown, unknown_name
 from .files import write_file
 from .units import to_si
@@ -141,7 +142,8 @@ def _fields(table: dict) -> dict:
     bore = values.get("bore_diameter", math.inf)
     for rod in ("rod_diameter", "rod_diameter_a"):
         if values.get(rod, 0.0) >= bore:
-            faults.append(f"{rod} = {values[rod]:g} m is not below bore_diameter = {bore:g} m; give them the right way round.")
+            given, limit = apart(values[rod], bore)
+            faults.append(f"{rod} = {given} m is not below bore_diameter = {limit} m; give them the right way round.")
             values[rod] = math.nan
     faults += _choice_faults(table)
     texts = {key: table[key] for key in _TEXTS if key in table}

@@ -24,7 +24,7 @@ from .summary import summarize, to_dict
 from .surfaces import PoorFitWarning, fit_surfaces
 from .tuning import default_points, tune, tune_fixed
 from .validation import Standing, ValidationReport, Verdict, against_rivals, validate
-from .verdicts import margin_verdicts
+from .verdicts import margin_verdicts, with_failures
 
 STAGES = (
     "operating points",
@@ -73,7 +73,8 @@ def design(
     fixed_validation = stage("validation of the fixed regulator", lambda: validate(actuator, fixed))
     comparison = stage("comparison", lambda: against_rivals(schedule, fixed))
     evidence = (verdicts, validation, fixed_validation, comparison)
-    return Design(actuator, points, family, reduced, model, remarks, schedule, fixed, *evidence, seconds)
+    judged = with_failures(schedule, [*verdicts, *validation.verdicts])
+    return Design(actuator, points, family, reduced, model, remarks, judged, fixed, *evidence, seconds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +91,7 @@ class Design:
     remarks: tuple[str, ...]
     """what the user should know of the machine and of the reduced model"""
     schedule: GainSchedule
+    """with the requirements that it does not meet as its `failed_checks`"""
     fixed: GainSchedule
     """one regulator for all points and variants, for comparison"""
     margin_verdicts: tuple[Verdict, ...]

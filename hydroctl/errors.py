@@ -29,6 +29,14 @@ class InfeasibleError(HydroctlError):
     """No regulator meets the specification; the message says which limit, where, and what is feasible."""
 
 
+class FailedChecksError(HydroctlError):
+    """An export was refused, because what it would write fails checks; `checks` holds them."""
+
+    def __init__(self, advice: str, checks: Iterable[str]):
+        self.checks = tuple(checks)
+        super().__init__("\n".join([advice, *self.checks]))
+
+
 class SimulationError(HydroctlError, ArithmeticError):
     """A simulation could not be carried to its end; the message says when it stopped and why."""
 

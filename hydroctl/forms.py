@@ -17,6 +17,7 @@ from numbers import Real
 
 import numpy as np
 
+from .digits import apart
 from .errors import InputError
 
 
@@ -115,9 +116,10 @@ def to_series(form: Form) -> SeriesForm:
     discriminant = remainder**2 - 4.0 * Td / Ti
     if remainder <= 0.0 or discriminant < 0.0:
         least = 4.0 * Td if Tf == 0.0 else Tf + 2.0 * Td + 2.0 * math.sqrt(Td * (Td + Tf))
+        given, needed = apart(Ti, least)
         raise InputError(
-            f"Ti = {Ti:g} s, Td = {Td:g} s, Tf = {Tf:g} s have no series form, which has real zeros only: Ti must be at least "
-            f"{'4 Td = ' if Tf == 0.0 else ''}{least:g} s. Raise Ti, lower Td or keep the standard form."
+            f"Ti = {given} s, Td = {Td:g} s, Tf = {Tf:g} s have no series form, which has real zeros only: Ti must be at least "
+            f"{'4 Td = ' if Tf == 0.0 else ''}{needed} s. Raise Ti, lower Td or keep the standard form."
         )
     lead = 2.0 * Td / (remainder + math.sqrt(discriminant))
     return SeriesForm(K * (1.0 - lead / Ti), Ti - lead, lead, Tf)

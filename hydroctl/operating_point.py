@@ -6,6 +6,7 @@ along y.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cache
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from . import equilibrium, plant
 from .actuator import Actuator
+from .digits import apart
 from .errors import InputError, OperatingPointError
 
 _FEW = 8
@@ -67,17 +69,28 @@ class OperatingPoints:
         return texts
 
     def _sentence(self, index) -> str:
+        machine = self.actuator
         x, y, load = float(self.x[index]), float(self.y[index]), float(self.load_force[index])
-        return f"No operating point at x={x:g}, y={y:g} m: " + _REASONS[int(self._fault[index])].format(
-            x=x,
-            y=y,
-            load=load,
-            stall=float(stall_force(self.actuator, x)),
-            left=abs(_force_left(self.actuator, x, load)),
-            p_a=float(self.p_a[index]),
-            p_b=float(self.p_b[index]),
-            v=float(self.v[index]),
-            machine=self.actuator,
+        opening, dead_band, *_ = apart(x, math.copysign(machine.dead_band, x), -1.0, 1.0)
+        position, _, stroke = apart(y, 0.0, machine.stroke)
+        force, stall = apart(load, float(stall_force(machine, x)))
+        left, breakaway = apart(abs(_force_left(machine, x, load)), machine.breakaway_friction)
+        pressures = float(self.p_a[index]), float(self.p_b[index]), machine.tank_pressure, machine.supply_pressure
+        p_a, p_b, tank, supply = apart(*pressures, digits=4)
+        speed, rest = apart(abs(float(self.v[index])), 2.0 * machine.creep_speed, digits=3)
+        return f"No operating point at x={opening}, y={position} m: " + _REASONS[int(self._fault[index])].format(
+            dead_band=dead_band.removeprefix("-"),
+            stroke=stroke,
+            load=force,
+            stall=stall,
+            left=left,
+            breakaway=breakaway,
+            p_a=p_a,
+            p_b=p_b,
+            tank=tank,
+            supply=supply,
+            speed=speed,
+            rest=rest,
         )
 
 
@@ -85,20 +98,20 @@ class OperatingPoints:
 _REASONS = (
     "",
     "x must be between -1 and 1.",
-    "y must be within the stroke, 0 to {machine.stroke:g} m.",
-    "|x| is within the dead band of {machine.dead_band:g}, so the valve is closed. Take a larger |x|.",
+    "y must be within the stroke, 0 to {stroke} m.",
+    "|x| is within the dead band of {dead_band}, so the valve is closed. Take a larger |x|.",
     "the valve is closed, so leakage settles the pressures and the flow has no derivative there (at zero leakage every pair of "
     "pressures that holds the load is at rest). Take |x| >= 1e-4 with the sign of the side you need.",
-    "the load of {load:g} N is at or beyond the stall force of {stall:g} N in this direction. Lower the load or raise "
+    "the load of {load} N is at or beyond the stall force of {stall} N in this direction. Lower the load or raise "
     "supply_pressure.",
-    "the piston is stuck: the {left:g} N that pressure and a load of {load:g} N leave at rest do not exceed breakaway_friction "
-    "= {machine.breakaway_friction:g} N. Lower the load or raise supply_pressure.",
+    "the piston is stuck: the {left} N that pressure and a load of {load} N leave at rest do not exceed breakaway_friction "
+    "= {breakaway} N. Lower the load or raise supply_pressure.",
     "Newton's method did not converge. Check that the parameters are physical.",
-    "a chamber would fall below tank pressure (p_a = {p_a:.4g} Pa, p_b = {p_b:.4g} Pa, tank {machine.tank_pressure:.4g} Pa): the "
+    "a chamber would fall below tank pressure (p_a = {p_a} Pa, p_b = {p_b} Pa, tank {tank} Pa): the "
     "load drives the piston and the fluid cavitates. Lower the load or the opening.",
-    "fluid would flow back through an open edge (p_a = {p_a:.4g} Pa, p_b = {p_b:.4g} Pa, supply {machine.supply_pressure:.4g} Pa, "
-    "tank {machine.tank_pressure:.4g} Pa): leakage under the load outweighs the valve. Lower the load or take a larger |x|.",
-    "the speed of {v:.3g} m/s is below twice creep_speed = {machine.creep_speed:g} m/s, where the law of dry friction stands for "
+    "fluid would flow back through an open edge (p_a = {p_a} Pa, p_b = {p_b} Pa, supply {supply} Pa, tank {tank} Pa): leakage "
+    "under the load outweighs the valve. Lower the load or take a larger |x|.",
+    "the speed of {speed} m/s is below twice creep_speed, {rest} m/s, where the law of dry friction stands for "
     "rest. Take a larger |x| or lower creep_speed.",
 )
 

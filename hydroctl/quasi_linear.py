@@ -124,7 +124,7 @@ class QuasiLinearModel:
             x, y = (np.broadcast_to(value, inside.shape)[~inside].flat[0] for value in (x, y))
             regions = "; ".join(f"side {side!r}: {surface.region}" for side, surface in self.surfaces.items())
             raise InputError(
-                f"x = {x:g}, y = {y:g} m is outside the region of the fit ({regions}). "
+                f"x = {x}, y = {y} m is outside the region of the fit ({regions}). "
                 "Fit a grid that covers it, or hold the value at the border with nearest(x, y)."
             )
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .digits import apart
 from .errors import InputError, unknown_name
 from .units import to_si
 
@@ -74,7 +75,7 @@ class Record:
         if np.ptp(self.x) == 0.0:
             yield f"x is {self.x[0]:g} in every row: a constant input excites nothing. Record steps or a PRBS."
         if (largest := np.max(np.abs(self.x))) > 1.0:
-            yield f"x reaches {largest:g} in size, beyond [-1, 1]; check its unit and the order of the columns."
+            yield f"x reaches {apart(largest, 1.0)[0]} in size, beyond [-1, 1]; check its unit and the order of the columns."
         if np.ptp(self.v) == 0.0:
             yield f"v is {self.v[0]:g} in every row; check the sensor and the order of the columns."
         yield from self._travel_faults()
@@ -90,12 +91,14 @@ class Record:
             return
         row, missing = uneven[0], np.max(steps) / usual
         if uneven.size <= 0.01 * len(steps) and missing > 1.5:
+            found, expected = apart(steps[row], usual)
             yield (
-                f"t has {uneven.size} gaps, the first after row {row} (t = {self.t[row]:g} s): {steps[row]:g} s in place of "
-                f"{usual:g} s; cut the record at the gaps and identify the longest part."
+                f"t has {uneven.size} gaps, the first after row {row} (t = {self.t[row]:g} s): {found} s in place of "
+                f"{expected} s; cut the record at the gaps and identify the longest part."
             )
         else:
-            yield f"t is not evenly spaced (steps of {steps.min():g} to {steps.max():g} s); resample the record to one sample time."
+            shortest, longest = apart(steps.min(), steps.max())
+            yield f"t is not evenly spaced (steps of {shortest} to {longest} s); resample the record to one sample time."
 
     def _travel_faults(self) -> Iterator[str]:
         if self.y is None or (np.diff(self.t) <= 0.0).any():
@@ -104,11 +107,11 @@ class Record:
         error = self.y - travel
         error -= error.mean()
         size = np.sqrt(np.mean((self.y - self.y.mean()) ** 2) + np.mean((travel - travel.mean()) ** 2))
-        apart = np.sqrt(np.mean(error**2))
-        if size > 0.0 and apart > _TRAVEL * size:
+        difference = np.sqrt(np.mean(error**2))
+        if size > 0.0 and difference > _TRAVEL * size:
             yield (
-                f"y is not the integral of v: y spans {np.ptp(self.y):g} m, its integral {np.ptp(travel):g} m, {apart:g} m rms "
-                "apart. Check the order of the columns, their units and the sign of v."
+                f"y is not the integral of v: y spans {np.ptp(self.y):g} m, its integral {np.ptp(travel):g} m, {difference:g} m "
+                "rms apart. Check the order of the columns, their units and the sign of v."
             )
 
 

@@ -20,6 +20,7 @@ from typing import Literal
 
 import numpy as np
 
+from .digits import apart
 from .errors import InputError, unknown_name
 from .linearization import LinearFamily, linearize
 from .operating_point import OperatingPoints, find_operating_points
@@ -159,9 +160,10 @@ class SecondOrderFamily:
         """Texts: empty where the point is accepted, else why it is not and the way out."""
         texts = self.points.reason
         for index in zip(*np.nonzero(self.points.feasible & ~self.accepted), strict=True):
+            error, tolerance = apart(self.error[index], self.tolerance, digits=3, factor=100.0)
             texts[index] = (
                 f"The second-order model at x={self.points.x[index]:g}, y={self.points.y[index]:g} m is off by "
-                f"{self.error[index]:.1%} at {self.error_frequency[index]:.4g} rad/s, above the tolerance of {self.tolerance:.1%}. "
+                f"{error}% at {self.error_frequency[index]:.4g} rad/s, above the tolerance of {tolerance}%. "
                 "Use the third-order model there."
             )
         return texts

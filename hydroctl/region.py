@@ -71,7 +71,7 @@ class Region:
             return "empty"
         (left, right), (low, high) = self._bounds()
         holes = "" if self.covered.all() else ", with cells left out"
-        return f"x {left:g} to {right:g}, y {low:g} to {high:g} m{holes}"
+        return f"x {left} to {right}, y {low} to {high} m{holes}"
 
 
 def _cell(edges: np.ndarray, value: np.ndarray) -> np.ndarray:

@@ -93,6 +93,11 @@ class Regulators:
         gains = np.stack(np.broadcast_arrays(self.kp, self.ki, self.kd), axis=-1)
         return np.einsum("...nt,...t->...n", self.terms(omega), gains)
 
+    @property
+    def nyquist_gain(self) -> np.ndarray:
+        """(...) |C| at the Nyquist frequency, in the unit of kp: what noise from sample to sample is multiplied by."""
+        return np.abs(self.frequency_response([np.pi / self.sample_time]))[..., 0]
+
     def terms(self, omega) -> np.ndarray:
         """(..., n, 3) complex: what kp, ki and kd multiply; sections, notch and filter included."""
         z = np.exp(1j * np.asarray(omega, dtype=float) * self.sample_time)

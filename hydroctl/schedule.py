@@ -72,6 +72,8 @@ class GainSchedule:
     """x at which retracting starts (leakage)"""
     pressure_drops: np.ndarray | None = None
     """(2, 2) in Pa: the design's drops over the open edges at A and B, retracting and extending; None: no compensation"""
+    failed_checks: tuple[str, ...] = ()
+    """requirements that its design found unmet or that an export passed over; empty: none is known"""
 
     @property
     def Ts(self) -> float:
@@ -130,7 +132,7 @@ class GainSchedule:
 
     def save(self, path: str | Path) -> Path:
         """Write the schedule as JSON (see `schedule_document`), atomically."""
-        return schedule_document.write(document_of(self), path)
+        return schedule_document.write(document_of(self, self.failed_checks), path)
 
 
 @dataclass(frozen=True, eq=False)

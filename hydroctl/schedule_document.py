@@ -295,7 +295,7 @@ class Document(_Part):
     actuator: Machine
     design: Design
     failed_checks: list[str]
-    """checks of the margins that failed and that an export passed over; empty where none was"""
+    """requirements on margins or nonlinear plant that the schedule is known not to meet"""
     test_vectors: TestVectors | None
     """null in a file of a version before 3"""
     fingerprint: str | None

@@ -31,8 +31,8 @@ def law_text(loop: str) -> str:
     return _LAW.format(measured=_MEASURED[loop])
 
 
-def document_of(schedule, failed_checks: tuple[str, ...] = ()) -> schedule_document.Document:
-    """The document that describes a `GainSchedule` in full; `failed_checks`: those that an export passed over."""
+def document_of(schedule, failed_checks: tuple[str, ...]) -> schedule_document.Document:
+    """The document that describes a `GainSchedule` in full, and the requirements that it fails."""
     d, units = schedule_document, schedule_document.GAIN_UNITS[schedule.loop]
 
     axes = [
@@ -204,6 +204,7 @@ def fields_of(document: schedule_document.Document) -> dict:
         "speed_offset_extend": forward.offset_extend,
         "speed_offset_retract": forward.offset_retract,
         "pressure_drops": _pressure_drops(controller.pressure_compensation),
+        "failed_checks": tuple(document.failed_checks),
     }
 
 

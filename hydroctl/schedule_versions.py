@@ -29,4 +29,6 @@ def upgraded(data: dict) -> dict:
         if later := sorted(_ADDED_IN_3.keys() & data.keys()):
             raise InputError(f"{later[0]} does not belong in a file of version {version}; the version was changed.")
         data = data | _ADDED_IN_3
+    elif data.get("fingerprint", "") is None:
+        raise InputError(f"fingerprint is null, but a file of version {version} has one; it was changed after it was written.")
     return data | {"version": VERSION}

@@ -7,6 +7,7 @@ import warnings
 import numpy as np
 
 from .bases import BASES, COEFFICIENTS, Basis
+from .digits import apart
 from .errors import InputError
 from .linearization import linearize
 from .operating_point import find_operating_points
@@ -32,9 +33,8 @@ def fit_surfaces(reduced: SecondOrderFamily, *, basis: str = "volume") -> QuasiL
     points = reduced.points
     chosen = Basis(basis, points.actuator)
     if np.size(points.load_force) and np.ptp(points.load_force) > 0.0:
-        raise InputError(
-            f"load_force goes from {points.load_force.min():g} to {points.load_force.max():g} N; fit one load at a time."
-        )
+        lowest, highest = apart(points.load_force.min(), points.load_force.max())
+        raise InputError(f"load_force goes from {lowest} to {highest} N; fit one load at a time.")
     sides = {side: np.sign(points.x) == sign for side, sign in SIDES.items() if np.any(np.sign(points.x) == sign)}
     if not sides:
         raise InputError("no point with x > 0 or x < 0 is given; add openings of at least 1e-4.")
@@ -135,5 +135,6 @@ def _warn_if_poor(reduced: SecondOrderFamily, basis: Basis, side: str, mask: np.
     others = [Basis(other, basis.actuator) for other in BASES if other != basis.name]
     usable = [other for other in others if _shortage(reduced, other, side, mask) is None]
     best, better = min(((_poorest(_surface(reduced, other, mask))[0], other.name) for other in usable), default=(np.inf, ""))
-    advice = f"basis={better!r} misses by {best:.2%}" if best < error else "no other basis does better, so fit a smaller range"
-    warnings.warn(f"side {side!r}: basis {basis.name!r} misses {name} by {error:.2%}; {advice}.", PoorFitWarning, stacklevel=3)
+    missed, other = apart(error, best, digits=3, factor=100.0)
+    advice = f"basis={better!r} misses by {other}%" if best < error else "no other basis does better, so fit a smaller range"
+    warnings.warn(f"side {side!r}: basis {basis.name!r} misses {name} by {missed}%; {advice}.", PoorFitWarning, stacklevel=3)

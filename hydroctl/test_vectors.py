@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from .digits import apart
 from .errors import InputError
 from .simulation import law
 from .simulation.regulator import regulator_of
@@ -77,9 +78,10 @@ def require_answers(schedule: GainSchedule, vectors: list[Vector]) -> None:
         if same_gains and found.gains is not None:
             same_gains = np.allclose(found.gains, given.gains, rtol=TOLERANCE, atol=0.0)
         if not same_gains or abs(found.x - given.x) > TOLERANCE:
+            stated, answered = apart(given.x, found.x)
             raise InputError(
-                f"test_vectors.{k} gives x = {given.x:g} with gains {given.gains}, but this schedule's law gives "
-                f"x = {found.x:g} with gains {found.gains}; write the file anew with this hydroctl."
+                f"test_vectors.{k} gives x = {stated} with gains {given.gains}, but this schedule's law gives "
+                f"x = {answered} with gains {found.gains}; write the file anew with this hydroctl."
             )
 
 

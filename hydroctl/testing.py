@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .digits import EXACT, FEWEST, apart
 from .linearization import LinearFamily
 from .margins import Loop
 from .schedule import GainSchedule, sampled_plants
@@ -67,8 +68,14 @@ def assert_poles_in(subject: LinearFamily | GainSchedule, region: HalfPlane | Da
         count = np.count_nonzero(outside.max(axis=-1) > 0.0)
         raise AssertionError(
             f"{count} of {outside[..., 0].size} points have poles outside {region}; worst at {describe(worst[:-1])}: "
-            f"pole {poles[worst]:.6g}, off by {outside[worst]:.3g}"
+            f"pole {_outside(region, poles[worst])}, off by {outside[worst]:.3g}"
         )
+
+
+def _outside(region: HalfPlane | DampingCone | Disk, pole: complex) -> str:
+    """The pole in as many digits as put it outside in print, too."""
+    texts = [f"{pole:.{count}g}" for count in range(FEWEST, EXACT + 1)]
+    return next((text for text in texts if region.distance(np.array(complex(text))) > 0.0), texts[-1])
 
 
 def _poles(subject):
@@ -96,6 +103,7 @@ def assert_margins(schedule: GainSchedule, **limits: float) -> None:
         missing = worst.value - limit if name in _UPPER_LIMITS else limit - worst.value
         if not missing <= 0.0:
             where = f"x={worst.x:g}, y={worst.y:g} m, {worst.variant}"
-            faults.append(f"{name} is {worst.value:.6g} at {where}: limit {limit:g}, off by {missing:.3g}")
+            reached, allowed = apart(worst.value, limit)
+            faults.append(f"{name} is {reached} at {where}: limit {allowed}, off by {missing:.3g}")
     if faults:
         raise AssertionError("; ".join(faults))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import replace
+
 import numpy as np
 
 from .coupling import check_coupling
@@ -9,7 +12,7 @@ from .margins import MARGIN_UNITS
 from .schedule import GainSchedule, WorstPoint
 from .schedule_document import GAIN_UNITS
 from .tuning.limits import between_points
-from .validation import Verdict
+from .validation import Verdict, failures
 
 _AT_NODES = 1.005
 """what the tuner's frequency grid may leave above a limit"""
@@ -42,6 +45,12 @@ def margin_verdicts(schedule: GainSchedule) -> tuple[Verdict, ...]:
     return (*verdicts, _coupling_verdict(schedule))
 
 
+def with_failures(schedule: GainSchedule, verdicts: Iterable[Verdict]) -> GainSchedule:
+    """`schedule` with those of the `verdicts` on it that failed as its `failed_checks`."""
+    failed = failures(verdicts)
+    return replace(schedule, failed_checks=failed) if failed else schedule
+
+
 def _coupling_verdict(schedule: GainSchedule) -> Verdict:
     coupled = check_coupling(schedule)
     _, variant, x, y = coupled.worst
@@ -72,11 +81,12 @@ def _minimum_verdicts(schedule: GainSchedule):
 
 def _high_frequency_verdict(schedule: GainSchedule, limit: float) -> Verdict:
     """C at the Nyquist frequency is linear in the gains, which are interpolated between nodes: |C| is largest at a node."""
-    gain = np.abs(schedule.regulators.frequency_response([np.pi / schedule.Ts]))[..., 0]
+    gain = schedule.regulators.nyquist_gain
     i, j = np.unravel_index(np.argmax(gain), gain.shape)
     place, achieved = f"x={schedule.x[i]:g}, y={schedule.y[j]:g} m", float(gain[i, j])
-    unit, passed = GAIN_UNITS[schedule.loop]["kp"], achieved <= limit * _LINEAR_PROGRAM
-    return Verdict("gain at the Nyquist frequency", unit, "the specification", limit, achieved, passed, place, "all variants")
+    unit, allowed = GAIN_UNITS[schedule.loop]["kp"], limit * _LINEAR_PROGRAM
+    reason = "the specification, and 1e-6 for the tuner's linear programs"
+    return Verdict("gain at the Nyquist frequency", unit, reason, allowed, achieved, achieved <= allowed, place, "all variants")
 
 
 def _verdict(name: str, reason: str, worst: WorstPoint, limit: float) -> Verdict:

@@ -11,7 +11,7 @@ import hydroctl
 
 PACKAGE = Path(hydroctl.__file__).parent
 LAYERS = (
-    ("errors", "scalar"),
+    ("errors", "scalar", "digits"),
     ("compiling",),
     ("units", "polynomials", "transfer_function", "files", "schedule_versions", "forms", "recursion", "region"),
     ("actuator", "second_order"),
@@ -32,7 +32,7 @@ LAYERS = (
     ("tuning", "coupling"),
     ("validation", "synchronization"),
     ("testing", "verdicts"),
-    ("export",),
+    ("export", "searched_tuning"),
     ("plotting",),
     ("report",),
     ("summary", "remarks"),

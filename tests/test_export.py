@@ -41,7 +41,7 @@ def test_the_same_schedule_gives_the_same_bytes_and_nothing_else(schedule, tmp_p
 @pytest.mark.parametrize("format", FORMATS)
 def test_a_schedule_that_fails_its_checks_is_refused_unless_forced_which_is_recorded(failing, tmp_path, format):
     path = tmp_path / f"press.{format}"
-    with pytest.raises(hc.InputError, match=r"fails its own checks.*\n.*FAIL  Ms at the design points"):
+    with pytest.raises(hc.FailedChecksError, match=r"fails its own checks.*\n.*FAIL  Ms at the design points"):
         hc.export_schedule(failing, path, format)
     assert list(tmp_path.iterdir()) == []
     for written in hc.export_schedule(failing, path, format, force=True):
@@ -107,7 +107,7 @@ def test_the_command_line_exports_and_refuses(command, schedule, failing, tmp_pa
     assert "typedef float press_real;" in (out / "press.h").read_text()
     saved = failing.save(tmp_path / "failing.json")
     code, stdout, stderr = command("export", saved, "--to", "st", "-o", out)
-    assert (code, stdout) == (2, "")
+    assert (code, stdout) == (1, "")
     assert "or force the export" in stderr
     code, _, _ = command("export", saved, "--to", "st", "-o", out, "--force")
     assert code == 0

@@ -9,7 +9,7 @@ from groups import machines_of, pair
 from loops import schedule
 
 import hydroctl as hc
-from hydroctl.errors import InputError
+from hydroctl.errors import FailedChecksError, InputError
 from hydroctl.export import export_coupling
 from hydroctl.synchronization import Coupling, design_coupling, s_curve
 from hydroctl.synchronization.coupling import COUPLINGS, coupling_matrix
@@ -115,7 +115,9 @@ def test_what_cannot_be_exported_is_refused(tmp_path):
     coupling = design_coupling(machines_of(schedules), schedules, "mean", Ms=1.5)
     with pytest.raises(InputError) as caught:
         export_coupling(coupling, tmp_path / "gate.c", sample_time=0.0, real="half")
-    assert len(caught.value.faults) == 3
+    assert len(caught.value.faults) == 2
+    with pytest.raises(FailedChecksError, match=r"does not keep its limit.*\n.*NOT KEPT"):
+        export_coupling(coupling, tmp_path / "gate.c", sample_time=1e-3)
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(InputError, match="cannot name"):
         export_coupling(

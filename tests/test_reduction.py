@@ -92,7 +92,7 @@ def test_points_above_the_tolerance_are_refused_with_frequency_and_way_out():
     assert reduced.accepted[np.abs(reduced.points.x) <= 0.2].all()
     assert not reduced.accepted[0, -1]
     assert (reduced.accepted == (reduced.error <= 0.05)).all()
-    assert "above the tolerance of 5.0%. Use the third-order model" in reduced.reason[0, -1]
+    assert "above the tolerance of 5%. Use the third-order model" in reduced.reason[0, -1]
     assert (reduced.reason[reduced.accepted] == "").all()
 
 

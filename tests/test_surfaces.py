@@ -73,7 +73,7 @@ def test_a_tangent_model_rests_at_the_operating_points(reference):
 
 @pytest.mark.parametrize("basis", ["paper", "quadratic"])
 def test_a_poor_fit_warns_and_names_a_better_basis(reference, basis):
-    with pytest.warns(hc.PoorFitWarning, match=r"misses (a2|b) by [23]\.\d+%; basis='volume-leakage' misses by 0.0\d%"):
+    with pytest.warns(hc.PoorFitWarning, match=r"misses (a2|b) by [23]\.\d+%; basis='volume-leakage' misses by 0.0\d+%"):
         hc.fit_surfaces(reduced_family(reference), basis=basis)
 
 

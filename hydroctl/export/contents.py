@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .. import __version__
-from ..errors import InputError
+from ..errors import FailedChecksError
 from ..schedule_document import GAIN_UNITS, Document
 from ..schedule_file import document_of, vectors_in
 from ..simulation.law import Regulator
 from ..test_vectors import Vector, law_of
+from ..validation import failures
 from ..verdicts import margin_verdicts
 from .text import harmless
 
@@ -30,7 +31,7 @@ class Contents:
     schedule: GainSchedule
     regulator: Regulator
     document: Document
-    """the schedule file, with the checks that failed and that the user chose to pass over"""
+    """the schedule file, with the checks that failed"""
 
     @property
     def vectors(self) -> list[Vector]:
@@ -73,8 +74,9 @@ class Contents:
 
 
 def contents_of(schedule: GainSchedule, *, force: bool = False) -> Contents:
-    """The contents of `schedule`. Raises InputError where a check of its margins failed, unless `force`."""
-    failed = tuple(str(verdict) for verdict in margin_verdicts(schedule) if not verdict.passed)
+    """The contents of `schedule`. Raises FailedChecksError where it fails a check of its margins, or
+    failed one in its design, unless `force`."""
+    failed = tuple(dict.fromkeys([*failures(margin_verdicts(schedule)), *schedule.failed_checks]))
     if failed and not force:
-        raise InputError(["the schedule fails its own checks; design it anew, or force the export:", *failed])
+        raise FailedChecksError("the schedule fails its own checks; design it anew, or force the export:", failed)
     return Contents(schedule, law_of(schedule), document_of(schedule, failed))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from .. import __version__
-from ..errors import InputError, unknown_name
+from ..errors import FailedChecksError, InputError, unknown_name
 from ..files import write_file
 from .c import filters
 from .text import REALS, harmless, identifier, render
@@ -23,20 +23,19 @@ def export_coupling(
     """Write `coupling`, sampled every `sample_time` s, as C to `path` and a header beside it, named after it; the files written.
 
     Its functions compute what `simulation.group` gives the regulators; slowing down and stopping stay with the caller. A coupling
-    whose evidence says that its limit is not kept is refused. Raises InputError, all faults at once.
+    whose evidence says that its limit is not kept is refused with FailedChecksError. Raises InputError, all faults at once.
     """
     faults = [] if real in REALS else [unknown_name("real", real, REALS)]
     if not 0.0 < sample_time < np.inf:
         faults.append(f"sample_time = {sample_time!r} must be a time above 0 s.")
-    evidence = coupling.evidence
-    if evidence is not None and not evidence.kept:
-        faults.append(
-            f"the coupling {coupling.name!r} does not keep its limit: {evidence}; design it with smaller gains or a larger Ms."
-        )
     if faults:
         raise InputError(faults)
     path = Path(path)
     name = identifier(path.stem)
+    evidence = coupling.evidence
+    if evidence is not None and not evidence.kept:
+        advice = f"the coupling {coupling.name!r} does not keep its limit; design it with smaller gains or a larger Ms:"
+        raise FailedChecksError(advice, [str(evidence)])
     checks = ["gains as given, without a design"] if evidence is None else harmless(str(evidence)).split("; ")
     values = {
         "name": name,

@@ -31,7 +31,8 @@ def export_schedule(
     "json": the schedule file, with test vectors. "c": ISO C99, `path` and a header beside it; "st": a function block of
     IEC 61131-3; both named after the file, in `real` arithmetic. "mat": tables for MATLAB and Octave. "csv": a line for each node.
     "fmu": the regulator and, beside it, the plant for co-simulation (FMI 2.0); needs a C compiler.
-    A schedule whose margins fail its specification is refused unless `force`, and then the file says so. Raises InputError.
+    A schedule whose margins fail its specification, or that failed a requirement in its design, is refused with
+    FailedChecksError unless `force`, and then every file says so. Raises InputError for what cannot be written.
     """
     if format not in FORMATS:
         raise InputError(unknown_name("format", format, FORMATS))

@@ -10,16 +10,18 @@ from pathlib import Path
 
 from .. import __version__
 from ..actuator import PARAMETERS
+from ..digits import apart
 from ..errors import InputError
 from ..files import write_file
 from ..margins import MARGIN_UNITS
 from ..schedule import GainSchedule
 from ..schedule_file import law_text
-from ..validation import Standing, ValidationReport, validate
+from ..validation import Standing, ValidationReport, Verdict, validate
 from ..verdicts import margin_verdicts
 from .explorer import explorer_data
 from .figures import map_data, trace_data
 
+_DIGITS = 4
 _SCRIPTS = ("linear_algebra.js", "loop.js", "chart.js", "figures.js", "explorer.js")
 _SHOWN = {
     "1": (1.0, ""),
@@ -75,7 +77,7 @@ def page(
     verdicts = (*margin_verdicts(schedule), *validation.verdicts)
     source = files("hydroctl.report").joinpath("templates")
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined)
-    environment.filters.update(short=short, shown=shown, shown_unit=shown_unit)
+    environment.filters.update(short=short, shown=shown, shown_unit=shown_unit, against_limit=against_limit)
     template = environment.from_string(source.joinpath("page.html").read_text("utf-8"))
     return template.render(
         schedule=schedule,
@@ -112,9 +114,19 @@ def short(value) -> str:
     """A value as a table shows it: numbers in four digits, infinite ones as a sign, anything else as text."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return str(value)
-    if math.isinf(value):
-        return "∞" if value > 0 else "−∞"
-    return f"{value:.4g}".replace("-", "−")
+    return _typeset(f"{value:.{_DIGITS}g}")
+
+
+def against_limit(verdict: Verdict) -> tuple[str, str]:
+    """What was reached and what is allowed, as `shown` and in as many digits as tell them apart."""
+    factor, _ = _SHOWN.get(verdict.unit, (1.0, ""))
+    reached, allowed = apart(verdict.achieved, verdict.limit, digits=_DIGITS, factor=factor)
+    return _typeset(reached), _typeset(allowed)
+
+
+def _typeset(number: str) -> str:
+    """A number as text with the signs of print."""
+    return number.replace("-", "−").replace("inf", "∞")
 
 
 def _require_alike(schedule: GainSchedule, beside: Mapping[str, GainSchedule]) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 
 from .. import plant
 from ..actuator import Actuator
+from ..digits import apart
 from ..errors import InputError, SimulationError
 from .modes import is_stiff
 from .trajectory import State, Trajectory, require_motion, rest_state, state_of
@@ -60,7 +61,8 @@ def _checked(t, x, load_force, rtol) -> tuple[np.ndarray, np.ndarray, np.ndarray
         if array.shape not in ((), t.shape):
             faults.append(f"{name} has shape {array.shape}; give one number or one for each of the {t.size} times.")
     if x.size and (x.max() > 1.0 or x.min() < -1.0):
-        faults.append(f"x reaches {np.abs(x).max():g} in size; a valve opening lies in [-1, 1].")
+        largest, _ = apart(np.abs(x).max(), 1.0)
+        faults.append(f"x reaches {largest} in size; a valve opening lies in [-1, 1].")
     if arrays[3].shape != () or not 1e-13 <= rtol <= 1e-2:
         faults.append(f"rtol = {rtol!r} is outside 1e-13 ... 1e-2.")
     if faults:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..digits import apart
 from ..errors import InputError, unknown_name
 from ..frequency import LOOPS
 from .sensing import Sensors
@@ -100,6 +101,7 @@ def require_fit(schedule: GainSchedule, scenario: Scenario) -> None:
     if schedule.loop != scenario.loop:
         faults.append(f"scenario {scenario.name!r} is for the {scenario.loop} loop, the schedule for the {schedule.loop} loop.")
     if abs(schedule.Ts - scenario.Ts) > 1e-12 * schedule.Ts:
-        faults.append(f"scenario {scenario.name!r} is sampled every {scenario.Ts:g} s, the schedule every {schedule.Ts:g} s.")
+        own, needed = apart(scenario.Ts, schedule.Ts)
+        faults.append(f"scenario {scenario.name!r} is sampled every {own} s, the schedule every {needed} s.")
     if faults:
         raise InputError(faults)

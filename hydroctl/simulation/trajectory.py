@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..actuator import Actuator
+from ..digits import apart
 from ..equilibrium import stall_forces
 from ..errors import InputError, SimulationError
 from ..plant import Parameters, parameters
@@ -91,9 +92,11 @@ def rest_state(actuator: Actuator, y: float | None = None, *, load_force: float 
     lowest, highest = stall_forces(parameters(actuator))
     faults = []
     if not 0.0 <= y <= actuator.stroke:
-        faults.append(f"y = {y:g} m is outside the stroke; give 0 to {actuator.stroke:g} m.")
+        given, stroke = apart(y, actuator.stroke)
+        faults.append(f"y = {given} m is outside the stroke; give 0 to {stroke} m.")
     if not lowest < load < highest:
-        faults.append(f"the load of {load:g} N cannot be held: the stall forces are {lowest:g} and {highest:g} N. Lower the load.")
+        given, pulling, pushing = apart(load, lowest, highest)
+        faults.append(f"the load of {given} N cannot be held: the stall forces are {pulling} and {pushing} N. Lower the load.")
     if faults:
         raise InputError(faults)
     return State(*map(float, rest_pressures(parameters(actuator), load)), 0.0, y)

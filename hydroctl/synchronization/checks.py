@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ..actuator import Actuator
+from ..digits import apart
 
 if TYPE_CHECKING:
     from ..schedule import GainSchedule
@@ -41,15 +42,17 @@ def profile_faults(actuators: Sequence[Actuator], schedules: Sequence[GainSchedu
     faults = []
     times = {schedule.Ts for schedule in schedules} - {profile.Ts}
     if times:
-        faults.append(f"the reference is sampled every {profile.Ts:g} s, schedules every {_listed(times)} s; give both one time.")
+        own, *others = apart(profile.Ts, *sorted(times))
+        faults.append(f"the reference is sampled every {own} s, schedules every {', '.join(others)} s; give both one time.")
     low, high = float(profile.position.min()), float(profile.position.max())
     for i, actuator in enumerate(actuators):
         if low < 0.0 or high > actuator.stroke:
+            first, last, none, stroke = apart(low, high, 0.0, actuator.stroke)
             faults.append(
-                f"the reference runs from {low:g} to {high:g} m, cylinder {i + 1} from 0 to {actuator.stroke:g} m; keep within it."
+                f"the reference runs from {first} to {last} m, cylinder {i + 1} from {none} to {stroke} m; keep within it."
             )
     return faults
 
 
 def _listed(values) -> str:
-    return ", ".join(f"{value:g}" for value in sorted(values))
+    return ", ".join(apart(*sorted(values)))

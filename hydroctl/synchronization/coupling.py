@@ -19,6 +19,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..digits import apart
+
 COUPLINGS = ("independent", "master-slave", "mean", "ring")
 
 
@@ -60,13 +62,21 @@ class CouplingEvidence:
     @property
     def kept(self) -> bool:
         """Whether the limit is kept and the group is stable."""
-        return self.Ms <= 1.001 * self.Ms_limit and self.largest_pole < 1.0
+        return self.Ms <= self.Ms_allowed and self.largest_pole < 1.0
+
+    @property
+    def Ms_allowed(self) -> float:
+        """`Ms_limit`, and 0.1 % for the grid of frequencies on which the regulators were tuned."""
+        return 1.001 * self.Ms_limit
 
     def __str__(self) -> str:
         where = f"cylinder {self.cylinder + 1}, x = {self.x:.3g}, y = {self.y:.3g} m, {self.variant} plant"
+        reached, limit, _ = apart(self.Ms, self.Ms_limit, self.Ms_allowed, digits=4)
+        pole, _ = apart(self.largest_pole, 1.0, digits=5)
         return (
-            f"Ms = {self.Ms:.3f} of the differences ({where}), {'kept' if self.kept else 'NOT KEPT'}: limit {self.Ms_limit:g}; "
-            f"without coupling {self.Ms_uncoupled:.3f}; largest pole of the group {self.largest_pole:.5f}"
+            f"Ms = {reached} of the differences ({where}), {'kept' if self.Ms <= self.Ms_allowed else 'NOT KEPT'}: limit {limit}, "
+            f"and 0.1 % for the tuner's grid; without coupling {self.Ms_uncoupled:.3f}; "
+            f"largest pole of the group {pole}, {'stable' if self.largest_pole < 1.0 else 'UNSTABLE'}"
         )
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..actuator import Actuator
+from ..digits import apart
 from ..errors import InputError, unknown_name
 from ..frequency import SampledFamily, frequency_grid
 from ..margins import Loop, peaks
@@ -132,7 +133,8 @@ def _law_faults(schedules) -> list[str]:
     for i, s in enumerate(schedules):
         for name, value, needed in (("set_point_weight", s.b, 1.0), ("measurement_filter", s.Tm, 0.0)):
             if value != needed:
-                found.append(f"schedule {i + 1} has {name} = {value:g}: a coupling with gains needs {needed:g}; tune it so.")
+                given, wanted = apart(value, needed)
+                found.append(f"schedule {i + 1} has {name} = {given}: a coupling with gains needs {wanted}; tune it so.")
         if np.any(s.kd) and s.c != 1.0:
             found.append(f'schedule {i + 1} has derivative_on = "measurement": a coupling with gains needs "error"; tune it so.')
     return found

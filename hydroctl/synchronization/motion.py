@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..actuator import Actuator
+from ..digits import apart
 from ..errors import InputError
 from ..operating_point import stall_force
 from ..simulation import State, Trajectory, rest_state
@@ -106,7 +107,8 @@ class SynchronizationResult:
         lines.append(f"  {m.duration:.3f} s, {end}, {m.saturation_time:.3f} s with a valve fully open")
         if self.stop is not None:
             s = self.stop
-            way = f"all halted within {1e3 * s.distance.max():.3f} mm ({1e3 * s.stated:g} mm stated)"
+            halted, stated = apart(s.distance.max(), s.stated, factor=1e3)
+            way = f"all halted within {halted} mm ({stated} mm stated)"
             lines.append(f"  stopped at {s.time:.3f} s, cylinder {s.cylinder + 1}: {s.reason}; {way}")
         return "\n".join(lines)
 
@@ -176,9 +178,11 @@ def _rule_faults(count, reference, limits, stop, failure, longest) -> list[str]:
     if failure is not None and not (isinstance(failure.cylinder, int) and 0 <= failure.cylinder < count):
         faults.append(f"failure.cylinder = {failure.cylinder!r} is none of the cylinders 0 to {count - 1}.")
     if failure is not None and failure.time > reference.t[-1]:
-        faults.append(f"failure.time = {failure.time:g} s is after the end of the reference, {reference.t[-1]:g} s.")
+        given, end = apart(failure.time, reference.t[-1])
+        faults.append(f"failure.time = {given} s is after the end of the reference, {end} s.")
     if longest is not None and not reference.t[-1] <= longest < math.inf:
-        faults.append(f"longest = {longest!r} s must not be shorter than the reference, {reference.t[-1]:g} s.")
+        given, end = apart(longest, reference.t[-1])
+        faults.append(f"longest = {given} s must be finite and not shorter than the reference, {end} s.")
     return faults
 
 
@@ -245,7 +249,8 @@ def _stop_report(trajectories, reference, stopped: int, stop: StopStrategy, fail
     blind = failure is not None and failure.kind == "sensor" and round(failure.time / Ts) <= stopped
     lags = np.abs(reference[stopped] - y[:, 0])
     cylinder = failure.cylinder if blind else int(np.argmax(lags))
-    lag = f"it is {lags[cylinder]:.3g} m from the reference, more than {stop.largest_lag:g} m"
+    found, allowed = apart(lags[cylinder], stop.largest_lag)
+    lag = f"it is {found} m from the reference, more than {allowed} m"
     return Stop(
         time=stopped * Ts,
         cylinder=cylinder,

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..actuator import Actuator
+from ..digits import apart
 from ..errors import InfeasibleError, InputError, unknown_name
 from ..linearization import linearize
 from ..margins import Loop, analyse
@@ -160,7 +161,9 @@ def _require_held(task: Task, regulators: Regulators) -> None:
     missed, found = _misses(task, regulators)
     if missed.max() > 0.0:
         worst = np.unravel_index(np.argmax(np.where(found.stable, missed, np.inf)), missed.shape)
-        state = f"Ms = {found.Ms[worst]:.3g}, Mt = {found.Mt[worst]:.3g}" if found.stable[worst] else "an unstable loop"
+        Ms, _ = apart(found.Ms[worst], task.specification.Ms)
+        Mt, _ = apart(found.Mt[worst], task.specification.Mt)
+        state = f"Ms = {Ms}, Mt = {Mt}" if found.stable[worst] else "an unstable loop"
         asked = " and ".join(phrase(name, task.specification) for name in limits_of(task.specification))
         raise InfeasibleError(
             f"{task.place(*worst)}: pole placement, which ignores the delay, gives {state}; asked: {asked}. "

@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 
+from ..digits import apart
 from ..errors import InfeasibleError
 from ..frequency import frequency_grid
 from ..margins import Crossings, Loop, analyse, peaks
@@ -194,7 +195,8 @@ def _require_kept(problem: Problem, gains: np.ndarray, found: dict[str, _Shortfa
     size = np.abs(problem.loops(gains).poles()).max(axis=-1)
     k, i, j = np.unravel_index(np.argmax(size), size.shape)
     if not size[k, i, j] < 1.0:
+        reached, _ = apart(size[k, i, j], 1.0)
         raise InfeasibleError(
-            f"{task.place(k, i, j)}: the tuner ended with an unstable loop (a pole of size {size[k, i, j]:.6g}). "
+            f"{task.place(k, i, j)}: the tuner ended with an unstable loop (a pole of size {reached}). "
             "Relax a limit or choose another structure."
         )

@@ -1,9 +1,10 @@
-"""`tune_search`: what enters the loop nonlinearly, found around the convex tuner.
+"""`search_settings`: what enters the loop nonlinearly, searched for the largest gain around the convex tuner.
 
 For fixed notch, sections and derivative filter the best gains are a convex matter (see `convex`). These settings themselves are
 searched: on a coarse grid around those of the specification, then by Nelder-Mead from the best of them. Every trial is a full
 convex design at a few points, on all plants, and counts only if the poles of its sampled loops are stable. The settings are scaled
-logarithmically; the first trial is the specification as it stands, so that the outcome is never worse.
+logarithmically; the first trial is the specification as it stands, so that the gain is never smaller. What a larger gain does to
+the motion is not asked here (see `hydroctl.searched_tuning`).
 """
 
 from __future__ import annotations
@@ -14,14 +15,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..actuator import Actuator
 from ..errors import InfeasibleError, InputError
 from ..regulators import GAINS, section_count
 from ..schedule import GainSchedule
-from ..specification import Specification
 from .refinement import Problem, rough_gains
 from .synthesis import schedule_for
-from .task import Task, task_of
+from .task import Task
 
 _GRID = (0.6, 1.0, 1.7)
 """multiples of each setting of the specification"""
@@ -40,30 +39,25 @@ _REPRESENTATIVE = (0.0, 0.5, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
-class SearchedTuning:
-    """The schedule with the best settings that were found, and how they compare."""
+class SearchedSettings:
+    """The schedule with the settings of the largest gain that were found, and that with the specification's own."""
 
     schedule: GainSchedule
+    specified: GainSchedule
+    """with the specification's own settings"""
     settings: dict[str, float]
     """notch_ratio (notch frequency over natural frequency), zz, zp, Tf in s, zero and pole of the first section: those searched"""
-    improvement: float
+    gain_ratio: float
     """the gain that `tune` maximizes, over that with the specification's own settings (geometric mean over the points)"""
     trials: tuple[tuple[dict[str, float], float], ...]
     """(settings, gain over the specification's own at a few points) of every trial; 0 where no stable design was found"""
 
 
-def tune_search(
-    actuator: Actuator, x, y, *, loop: str = "velocity", structure: str = "pi+notch", specification: Specification | None = None
-) -> SearchedTuning:
-    """As `tune`, with notch dampings and frequency, derivative filter and the first lead-lag section searched for the largest gain.
-
-    Those that `structure` has are searched; a second section stays as specified, because a slower lag always gives more integral
-    gain. Raises InputError for a structure with nothing to search, else as `tune` does.
-    """
-    task = task_of(actuator, x, y, loop, structure, specification)
+def search_settings(task: Task) -> SearchedSettings:
+    """The settings that the structure of `task` has, searched for the largest gain. Raises InputError where it has none."""
     own = _settings(task)
     if not own:
-        raise InputError(f"structure {structure!r} has neither notch nor section nor derivative to be searched for; use tune.")
+        raise InputError(f"structure {task.structure!r} has neither notch nor section nor derivative to be searched for; use tune.")
     few = task.part(_spread(task.x.size), _spread(task.y.size))
     trials: list[tuple[dict[str, float], float]] = []
     base = _gain(few)
@@ -75,11 +69,11 @@ def tune_search(
 
     highest = _BELOW_NYQUIST * np.pi / (task.specification.sample_time * task.plants.resonance[0, ..., 0].max())
     best = _best_settings(own, highest, score)
-    schedule, plain = schedule_for(_with(task, best)), schedule_for(task)
-    improvement = _mean(task, schedule) / _mean(task, plain)
-    if improvement < 1.0:
-        schedule, best, improvement = plain, own, 1.0
-    return SearchedTuning(schedule, best, improvement, tuple(trials))
+    schedule, specified = schedule_for(_with(task, best)), schedule_for(task)
+    ratio = _mean(task, schedule) / _mean(task, specified)
+    if ratio < 1.0:
+        schedule, best, ratio = specified, own, 1.0
+    return SearchedSettings(schedule, specified, best, ratio, tuple(trials))
 
 
 def _settings(task: Task) -> dict[str, float]:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..actuator import Actuator
+from ..digits import apart
 from ..errors import InfeasibleError, InputError
 from ..margins import Loop, analyse, peaks
 from ..operating_point import find_operating_points
@@ -151,8 +152,9 @@ def _require_crossover(task: Task, regulators: Regulators) -> None:
     k, i, j = np.unravel_index(np.argmin(crossover), crossover.shape)
     intrusion = peaks(loops, [limit.intrusion for limit in limits.values()])[0][:, i, j]
     at, binding = np.unravel_index(np.argmax(intrusion), intrusion.shape)
+    reached, asked = apart(crossover[k, i, j], least, digits=4)
     raise InfeasibleError(
-        f"{task.place(k, i, j)}: the largest gains cross over at {crossover[k, i, j]:.4g} rad/s, below min_crossover = {least:g} "
+        f"{task.place(k, i, j)}: the largest gains cross over at {reached} rad/s, below min_crossover = {asked} "
         f"rad/s; {phrase(list(limits)[binding], task.specification)} binds ({task.place(at, i, j)}). Feasible is min_crossover = "
         f"{0.999 * crossover[k, i, j]:.4g} rad/s; for more, relax that limit or shorten the delay."
     )

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..actuator import Actuator
+from ..digits import apart
 from ..errors import InputError, unknown_name
 from ..frequency import LOOPS, SampledFamily
 from ..regulators import GAINS, STRUCTURES, Regulators, section_count
@@ -149,9 +150,10 @@ def task_of(actuator: Actuator, x, y, loop: str, structure: str, specification: 
     task = Task(actuator, specification, loop, structure, x, y, changes, labels, plants)
     highest = task.notch_frequency.max()
     if ("notch" in structure or section_count(structure)) and highest >= np.pi / specification.sample_time:
+        given, needed = apart(specification.sample_time, np.pi / highest, digits=3)
         raise InputError(
-            f"sample_time = {specification.sample_time:g} s: a notch or lead at {highest:.4g} rad/s, where the plant's "
-            f"natural frequency puts it, needs one below {np.pi / highest:.3g} s. Sample faster or choose a structure without."
+            f"sample_time = {given} s: a notch or lead at {highest:.4g} rad/s, where the plant's "
+            f"natural frequency puts it, needs one below {needed} s. Sample faster or choose a structure without."
         )
     return task
 

@@ -17,7 +17,7 @@ from .metrics import Metrics, measure
 from .report import Run, ValidationReport, validate
 from .scale import Scale, scale_of
 from .scenarios import contact_scenarios, library, step_scenarios, tracking_scenarios
-from .verdict import Requirement, Verdict, default_requirements
+from .verdict import Requirement, Verdict, default_requirements, failures
 
 __all__ = [
     "CampaignResult",
@@ -36,6 +36,7 @@ __all__ = [
     "connected",
     "contact_scenarios",
     "default_requirements",
+    "failures",
     "fixed_rival",
     "library",
     "measure",

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..actuator import Actuator
+from ..digits import apart
 from ..errors import InputError
 from ..operating_point import stall_force
 from ..simulation.scenario import Scenario
@@ -113,10 +114,11 @@ def library(actuator: Actuator, loop: str, *, Ts: float = 1e-3) -> tuple[Scenari
 def _scale(actuator: Actuator, loop: str, Ts: float) -> Scale:
     """`scale_of`, after a check that Ts can sample motions of the machine."""
     scale = scale_of(actuator, loop)
-    if not isinstance(Ts, Real) or isinstance(Ts, bool) or not 0.0 < Ts <= scale.settling / 20.0:
+    longest = scale.settling / 20.0
+    if not isinstance(Ts, Real) or isinstance(Ts, bool) or not 0.0 < Ts <= longest:
+        _, limit = apart(Ts, longest) if isinstance(Ts, Real) else apart(longest, longest)
         raise InputError(
-            f"Ts = {Ts!r} must be a sample time between 0 and {scale.settling / 20.0:.3g} s, a twentieth of the time in which the "
-            "machine settles."
+            f"Ts = {Ts!r} must be a sample time between 0 and {limit} s, a twentieth of the time in which the machine settles."
         )
     slowest = actuator.stroke / min(scale.extend_speed, scale.retract_speed)
     if (slowest + 5.0 * scale.settling) / Ts > _MOST_SAMPLES:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..actuator import Actuator
+from ..digits import apart
 from ..simulation.scenario import Scenario
 from .metrics import BAND, Metrics
 from .scale import Scale
@@ -55,8 +56,14 @@ class Verdict:
             achieved = f"{self.achieved:.4g} {self.unit}".rstrip()
             return f"note  {self.name}: {achieved}, {self.reason} is not stated  ({self.scenario}; {self.variant})"
         sign, word = (("<=", ">=")[self.at_least], "pass") if self.passed else ((">", "<")[self.at_least], "FAIL")
+        achieved, limit = apart(self.achieved, self.limit, digits=4)
         where = f"{self.scenario}; {self.variant}"
-        return f"{word}  {self.name}: {self.achieved:.4g} {sign} {self.limit:.4g} {self.unit}".rstrip() + f"  ({where})"
+        return f"{word}  {self.name}: {achieved} {sign} {limit} {self.unit}".rstrip() + f"  ({where})"
+
+
+def failures(verdicts: Iterable[Verdict]) -> tuple[str, ...]:
+    """Those that failed, in words."""
+    return tuple(str(verdict) for verdict in verdicts if not verdict.passed)
 
 
 _ALL = ("step", "saturated", "reversal", "tracking")
