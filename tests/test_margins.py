@@ -9,7 +9,7 @@ import pytest
 from hydroctl.forms import StandardForm
 from hydroctl.frequency import sample
 from hydroctl.margins import Loop, analyse
-from hydroctl.regulators import Regulators
+from hydroctl.regulators import Regulators, series
 
 TS = 1e-3
 
@@ -140,3 +140,47 @@ def test_the_disk_margin_is_never_better_than_gain_and_phase_margin(regulated):
     d = found.disk_margin
     assert np.all((2 + d) / (2 - d) <= found.gain_margin * (1 + 1e-9))
     assert np.all(2 * np.arctan(d / 2) <= found.phase_margin * (1 + 1e-9))
+
+
+@pytest.mark.parametrize("k", [0.05, 0.5, 2.0, 6.0])
+def test_the_disk_margin_of_a_lagging_integrator_is_its_closed_form(k):
+    """L = k/(s (s + 1)): 4 |1 + L|^2/|1 - L|^2 = 4 - 16 k w^2/((k + w^2)^2 + w^2) is least at w^2 = k, where it is
+    4/(1 + 4 k)."""
+    s = control.tf("s")
+    found = analyse(Published([k / (s * (s + 1))]), np.geomspace(1e-3, 1e2, 4000))
+    assert found.disk_margin[0] == pytest.approx(2.0 / np.sqrt(1.0 + 4.0 * k), rel=1e-9)
+
+
+def test_the_disk_margin_of_an_integrator_is_that_of_any_positive_gain_and_a_right_angle():
+    """|1 + k/(jw)| = |1 - k/(jw)|: the disk is the whole right half-plane, d = 2."""
+    s = control.tf("s")
+    found = analyse(Published([3.0 / s]), np.geomspace(1e-2, 1e3, 500))
+    assert found.disk_margin[0] == pytest.approx(2.0, rel=1e-12)
+
+
+def _turned(d, count=360):
+    """The factors (2 + delta)/(2 - delta) with |delta| = d: the border of the disk, gain and phase at once."""
+    delta = d * np.exp(2j * np.pi * np.arange(count) / count)
+    return (2.0 + delta) / (2.0 - delta)
+
+
+@pytest.mark.parametrize(("share", "stable"), [(0.999, True), (1.001, False)])
+def test_no_change_of_gain_and_phase_within_the_disk_margin_unsettles_a_loop_and_one_on_its_border_does(share, stable):
+    """By the roots of s (s + 1) + f k, whose coefficients may be complex. Pure gain and pure phase of the
+    docstring's size lie on the border."""
+    k = 2.0
+    s = control.tf("s")
+    d = share * analyse(Published([k / (s * (s + 1))]), np.geomspace(1e-3, 1e2, 4000)).disk_margin[0]
+    factors = _turned(d)
+    assert factors[0] == pytest.approx((2.0 + d) / (2.0 - d), rel=1e-12)
+    assert np.angle(factors[90]) == pytest.approx(2.0 * np.arctan(d / 2.0), rel=1e-12)
+    assert all(np.roots([1.0, 1.0, factor * k]).real.max() < 0.0 for factor in factors) == stable
+
+
+@pytest.mark.parametrize(("share", "stable"), [(0.99, True), (1.01, False)])
+def test_sampled_loops_bear_every_change_within_their_disk_margin_and_not_one_beyond(regulated, share, stable):
+    A_plant, B_plant, C_plant = regulated.plant.state_space()
+    A, B, C, _ = series(regulated.regulators.state_space(), (A_plant, B_plant, C_plant, np.zeros((1, 1))))
+    factors = _turned(share * analyse(regulated).disk_margin[..., None])
+    poles = np.linalg.eigvals(A[..., None, :, :] - factors[..., None, None] * (B @ C)[..., None, :, :])
+    assert np.all((np.abs(poles).max(axis=(-2, -1)) < 1.0) == stable)

@@ -240,6 +240,18 @@ def test_faulty_velocity_loops_fail_the_requirement_that_they_violate(changes, f
     assert "not met" in report.summary()
 
 
+def test_the_anti_windup_of_the_tuner_neither_stops_a_large_step_short_nor_lets_it_overshoot():
+    """A tenth of its time, one sample, empties the integral at every touch of the limit; eight times
+    its time leaves the integral full."""
+    nominal = hc.Specification(uncertainty="nominal")
+    tuned = hc.tune(ACTUATOR, [-1.0, -0.1, 0.1, 1.0], [0.0, 0.25, 0.5], loop="position", specification=nominal)
+    asked = [scenario for scenario in step_scenarios(ACTUATOR, "position") if scenario.kind == "saturated"]
+    expected = {0.1: {"settling time", "steady error"}, 1.0: set(), 8.0: {"overshoot after saturation"}}
+    for factor, failed in expected.items():
+        report = validate(ACTUATOR, dataclasses.replace(tuned, Tt=factor * tuned.Tt), scenarios=asked)
+        assert {verdict.name for verdict in report.verdicts if not verdict.passed} == failed
+
+
 def test_a_run_that_fails_is_a_verdict_with_its_reason():
     away = Scenario(name="out of the stroke", loop="velocity", Ts=1e-3, reference=np.full(9000, 0.1), y=0.25)
     good = Scenario(name="stay", loop="velocity", Ts=1e-3, reference=np.zeros(100), y=0.25)
