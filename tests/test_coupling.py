@@ -90,19 +90,21 @@ def _steep(schedule):
 
 
 class _SteadyMotion:
-    """The plain regulator of tests/loops.py on a linear plant, around the motion in which it holds an opening."""
+    """The plain regulator of tests/loops.py on a linear plant, around the motion in which it holds x."""
 
     def __init__(self, schedule, x, y):
         self.schedule, self.x, self.y = schedule, x, y
         _, plants = sampled_plants(schedule.actuator, [x], [y], "position", schedule.specification)
-        self.A, self.B, self.read_y = (part.reshape(part.shape[-2:]) for part in plants.state_space())
+        spaces = plants.state_space()
+        self.A, self.B, self.read_y = (part.reshape(part.shape[-2:]) for part in spaces)
         self.v = float(hc.find_operating_points(schedule.actuator, x, y).v)
         self.plain = PlainRegulator(schedule)
         self._hold()
         self.start = np.concatenate([np.zeros(len(self.A)), self._memory()])
 
     def _hold(self):
-        """The memory that holds x. An integral leaves no error: the reference moves with the cylinder, or at its speed."""
+        """Give the regulator the memory that holds x. An integral leaves no error: the reference moves
+        with the cylinder, or states its speed."""
         s, plain = self.schedule, self.plain
         plain.x = self.x
         kp, ki, kd, wn = plain.gains(self.y)
@@ -121,8 +123,9 @@ class _SteadyMotion:
 
     def _memory(self):
         plain, (integral, notch) = self.plain, self._used
-        numbers = [plain.derivative, plain.last, plain.measured, plain.x, *np.ravel(plain.section_states)]
-        return np.array([*numbers, *([plain.integral] * integral), *(plain.notch_states * notch)])
+        numbers = [plain.derivative, plain.last, plain.measured, plain.x]
+        numbers += [*np.ravel(plain.section_states), *([plain.integral] * integral)]
+        return np.array([*numbers, *(plain.notch_states * notch)])
 
     def _recall(self, memory):
         plain, (integral, notch), numbers = self.plain, self._used, iter(memory.tolist())
@@ -132,7 +135,10 @@ class _SteadyMotion:
         plain.notch_states = [next(numbers), next(numbers)] if notch else [0.0, 0.0]
 
     def after_a_sample(self, state):
-        """The plant, away from the motion, and the memory one sample later; the plant's third state is the speed."""
+        """The plant, as it is away from the motion, and the memory one sample later.
+
+        The plant's third state is the speed.
+        """
         z = state[: len(self.A)]
         self._recall(state[len(z) :])
         measured = 0.0, 0.0, self.v + z[2], self.y + (self.read_y @ z).item()
@@ -141,14 +147,15 @@ class _SteadyMotion:
 
     def poles(self, step=1e-6):
         """Eigenvalues of the central differences of `after_a_sample`."""
-        ends = [[self.after_a_sample(self.start + sign * step * unit) for unit in np.eye(self.start.size)] for sign in (1, -1)]
-        return np.linalg.eigvals((np.array(ends[0]) - ends[1]).T / (2.0 * step))
+        steps = step * np.eye(self.start.size)
+        above, below = ([self.after_a_sample(self.start + change) for change in each] for each in (steps, -steps))
+        return np.linalg.eigvals(np.subtract(above, below).T / (2.0 * step))
 
 
 @pytest.mark.parametrize("law", LAWS)
 def test_the_poles_are_those_of_a_plain_regulator_around_a_steady_motion(law):
-    """Another law, another lookup, another steady state, linearized together with the plant: nothing is
-    collected term by term."""
+    """Another law, another lookup, another steady state, linearized together with the plant:
+    nothing is collected term by term."""
     steep = _steep(exported(**LAWS[law]))
     _, plants = sampled_plants(steep.actuator, *AT, "position", steep.specification)
     found = coupled_poles(steep, *AT, plants)[0]
@@ -164,8 +171,8 @@ def _middles(nodes):
 
 
 def test_a_loop_that_is_unstable_only_at_the_edges_of_its_cells_along_x_is_found():
-    """kp falls along a cell from 100 to 30. The command comes back by x dkp/dx / kp, which in the middle is 0.66 and at the
-    outer edge 2.6: a pole of that size."""
+    """kp falls along a cell from 100 to 30. The command comes back by x dkp/dx / kp, which in the
+    middle is 0.66 and at the outer edge 2.6: a pole of that size."""
     falling = np.array([30.0, 100.0, 100.0, 30.0])[:, None] * np.ones(3)
     schedule = replace(exported(loop="position", structure="p"), kp=falling)
     middles = _middles(schedule.x), _middles(schedule.y)
@@ -181,8 +188,9 @@ def test_a_loop_that_is_unstable_only_at_the_edges_of_its_cells_along_x_is_found
 
 
 def test_a_loop_that_is_unstable_only_at_the_edges_of_its_cells_along_y_is_found():
-    """kp = 4 at a node and 14 at its neighbours. A rise of y closes the valve by kp and opens it by x_0 dkp/dy / kp: the
-    position runs away where the latter is more, which holds next to the node only, on its side whose slope has the sign of x."""
+    """kp = 4 at a node and 14 at its neighbours. A rise of y closes the valve by kp and opens it by
+    x_0 dkp/dy / kp: the position runs away where the latter is more. It is next to the node only, on
+    that side of it whose slope has the sign of x."""
     dipped = np.array([14.0, 4.0, 14.0]) * np.ones((4, 1))
     schedule = replace(exported(loop="position", structure="p"), kp=dipped)
     middles = _middles(schedule.x), _middles(schedule.y)

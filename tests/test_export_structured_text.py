@@ -17,7 +17,7 @@ BOUNDS = {"double": 1e-12, "float": 1e-5}
 REALS = list(BOUNDS) if os.environ.get("HYDROCTL_LONG") else ["double"]
 
 
-@pytest.mark.long  # the parser takes a millisecond for a character; of the two precisions' programs only types and numbers differ
+@pytest.mark.long  # the parser takes a millisecond for a character
 @pytest.mark.parametrize("real", REALS)
 @pytest.mark.parametrize("case", CASES)
 def test_random_closed_loop_steps_are_those_of_the_law(case, real):

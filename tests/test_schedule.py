@@ -206,15 +206,18 @@ LOADED = DIFFERENTIAL.replace(leakage=0.0, load_force=3e4, flow_coefficient_b=6e
 def _drops_by_hand(machine, x):
     """(drop over the open edge at A, at B) in Pa for a steady motion without leakage.
 
-    Each flow is c |x| sqrt(drop) = A |v|. Extending, A is supplied and B drains: A_a (p_s - d_a) - A_b (p_t + d_b) = B v + F;
-    retracting they change places: A_a (p_t + d_a) - A_b (p_s - d_b) = -B |v| + F. Either is a quadratic in |v|.
+    Each flow is c |x| sqrt(drop) = A |v|. Extending, A is supplied and B drains:
+    A_a (p_s - d_a) - A_b (p_t + d_b) = B |v| + F; retracting they change places:
+    A_a (p_t + d_a) - A_b (p_s - d_b) = -B |v| + F. Either is a quadratic in |v|.
     """
-    area_a, area_b, supply, tank = machine.area_a, machine.area_b, machine.supply_pressure, machine.tank_pressure
+    area_a, area_b = machine.area_a, machine.area_b
+    supply, tank = machine.supply_pressure, machine.tank_pressure
     if x > 0.0:
         drive = area_a * supply - area_b * tank - machine.load_force
     else:
         drive = area_b * supply - area_a * tank + machine.load_force
-    per_square = [(A / (c * x)) ** 2 for A, c in ((area_a, machine.flow_coefficient), (area_b, machine.flow_coefficient_b))]
+    edges = (area_a, machine.flow_coefficient), (area_b, machine.flow_coefficient_b)
+    per_square = [(area / (c * x)) ** 2 for area, c in edges]
     throttle = area_a * per_square[0] + area_b * per_square[1]
     speed = max(np.roots([throttle, machine.viscous_friction, -drive]))
     return [speed**2 * share for share in per_square]
@@ -227,7 +230,8 @@ def _drops_by_hand(machine, x):
     ids=["both sides", "extending alone", "retracting alone"],
 )
 def test_the_designs_pressure_drops_are_those_over_the_edges_that_are_open(x, middles, load):
-    """At the median opening of each side, full opening on a side without any; row 0 retracts, row 1 extends; A, then B."""
+    """At the median opening of each side, at full opening on a side without any; row 0 retracts, row 1
+    extends; A, then B."""
     machine = LOADED.replace(load_force=load)
     expected = [_drops_by_hand(machine, middle) for middle in middles]
     assert abs(expected[0][0] / expected[1][0] - 1.0) > 0.05
@@ -235,7 +239,8 @@ def test_the_designs_pressure_drops_are_those_over_the_edges_that_are_open(x, mi
 
 
 def test_the_pressure_ratio_is_one_in_the_motions_that_the_design_counts_on():
-    """Both directions and both chambers of an asymmetric machine under load, through the tuner and the law's own table."""
+    """Both directions and both chambers of an asymmetric machine under load, through the tuner and the
+    law's own constants."""
     asked = hc.Specification(uncertainty="nominal", pressure_compensation=True)
     made = hc.tune(LOADED, [-0.6, 0.3], [0.2, 0.8], specification=asked)
     points = hc.find_operating_points(LOADED, [-0.6, 0.3], 0.5)

@@ -190,17 +190,18 @@ def test_the_ratio_is_one_at_the_design_and_takes_the_load_out_of_the_gain():
 
 @pytest.mark.parametrize("opening", [0.3, -0.3])
 def test_the_ratio_is_held_between_four_tenths_and_three(opening):
-    """Drops that are 1/r^2 of the design's over both open edges make the ratio r, wherever the piston is; with none left over
-    either edge the gain would vanish, and the ratio is 3."""
+    """Drops that are 1/r^2 of the design's over both open edges make the ratio r, wherever the piston
+    is; with none left over either edge the gain would vanish, and the ratio is 3."""
     drops = np.array([[9e6, 11e6], [1e6, 8e5]])
     regulator, machine = regulator_of(schedule(pressure_drops=drops)), load_actuator("reference")
     supply, tank = machine.supply_pressure, machine.tank_pressure
     drop_a, drop_b = drops[int(opening > 0.0)]
-    for r, expected in ((0.3, 0.4), (0.39, 0.4), (0.41, 0.41), (1.7, 1.7), (2.95, 2.95), (3.05, 3.0), (40.0, 3.0), (np.inf, 3.0)):
+    for r in (0.3, 0.39, 0.41, 1.7, 2.95, 3.05, 40.0, np.inf):
         a, b = drop_a / r**2, drop_b / r**2
         pressures = (supply - a, tank + b) if opening > 0.0 else (tank + a, supply - b)
         for y in (0.0, 0.2, 0.5):
-            assert law.pressure_ratio(opening, y, *pressures, regulator) == pytest.approx(expected, rel=1e-9)
+            found = law.pressure_ratio(opening, y, *pressures, regulator)
+            assert found == pytest.approx(min(max(r, 0.4), 3.0), rel=1e-9)
 
 
 @pytest.mark.parametrize("build", ["notched", "plain"])

@@ -51,7 +51,7 @@ def step_of_second_order(size=0.02, first=100, samples=6000, zeta=ZETA, **change
 
 
 def zeta_of(overshoot):
-    """The damping of a second-order loop that overshoots by this fraction of its step: exp(-pi zeta/sqrt(1 - zeta^2))."""
+    """The damping of a second-order loop that overshoots by exp(-pi zeta/sqrt(1 - zeta^2)) of its step."""
     return -math.log(overshoot) / math.hypot(math.pi, math.log(overshoot))
 
 
@@ -122,10 +122,12 @@ def test_a_loop_that_does_not_settle_has_an_infinite_settling_time_and_fails():
 
 @pytest.mark.parametrize(("design", "allowed"), [({}, 0.3), ({"Mt": 1.15}, 0.15)], ids=["the default Mt", "Mt 1.15"])
 @pytest.mark.parametrize("kind", ["step", "saturated"])
-def test_a_motion_may_overshoot_by_as_much_as_the_designs_resonance_peak_stands_above_one(kind, design, allowed):
-    """A step by Mt - 1 of itself, a motion after saturation by Mt - 1 of the library's step: a hundredth less passes, more fails.
+def test_a_motion_may_overshoot_by_what_the_designs_Mt_stands_above_one(kind, design, allowed):
+    """A step by Mt - 1 of itself, a motion after saturation by Mt - 1 of the library's step: a
+    hundredth less passes, a hundredth more fails.
 
-    The loop's overshoot is that of its damping; sampled every OMEGA TS = 1/200 of a radian its peak is read to 1e-5 of the step.
+    The loop's overshoot is that of its damping; sampled every OMEGA TS = 1/200 of a radian its peak
+    is read to 1e-5 of the step.
     """
     name, size = {
         "step": ("overshoot of a step", 0.02),
