@@ -7,6 +7,7 @@ import pytest
 from machines import DIFFERENTIAL
 
 import hydroctl as hc
+from hydroctl.margins import MARGIN_UNITS
 from hydroctl.schedule import check_margins, design_pressure_drops
 from hydroctl.simulation import law
 from hydroctl.test_vectors import law_of
@@ -51,12 +52,15 @@ def test_the_margins_cover_nodes_and_midpoints_of_every_variant(schedule):
     assert 0.0 not in schedule.margins.x
 
 
-def test_the_worst_point_is_where_the_margin_is_worst(schedule):
-    worst = schedule.margins.worst("Ms")
+@pytest.mark.parametrize("name", [*MARGIN_UNITS, "disk_margin"])
+def test_the_worst_point_is_where_the_margin_is_worst(schedule, name):
+    """The largest peak of a sensitivity, the smallest of every other margin."""
+    worst, values = schedule.margins.worst(name), getattr(schedule.margins.margins, name)
     i, j = np.argmax(schedule.margins.x == worst.x), np.argmax(schedule.margins.y == worst.y)
     k = schedule.margins.variants.index(worst.variant)
-    assert schedule.margins.margins.Ms[k, i, j] == worst.value == schedule.margins.margins.Ms.max()
-    assert schedule.margins.worst("gain_margin").value == schedule.margins.margins.gain_margin.min()
+    assert values[k, i, j] == worst.value
+    assert worst.value == (values.max() if name in ("Ms", "Mt") else values.min())
+    assert values.min() < values.max()
 
 
 def test_a_file_reads_back_to_the_same_bits(schedule, saved):

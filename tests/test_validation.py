@@ -108,6 +108,47 @@ def test_counts_of_pressure_command_and_stroke():
     assert math.isnan(found.settling_time)
 
 
+def test_either_chamber_and_either_end_counts_and_the_first_command_is_a_change_from_rest():
+    n, command = 1000, np.full(1000, 0.25)
+    y = np.full(n, 0.1)
+    y[500] = ACTUATOR.stroke + 0.002
+    p_b = np.full(n, 1e7)
+    p_b[50:70], p_b[80] = -1e5, 4e7
+    asked = Scenario(name="counts", loop="position", Ts=TS, reference=np.full(n, 0.1), y=0.1)
+    found = measure(ACTUATOR, asked, trajectory_of(y, command, p_b=p_b))
+    assert found.total_variation == 0.25
+    assert found.saturation_time == 0.0
+    assert found.cavitation_time == pytest.approx(20 * TS, rel=1e-12)
+    assert (found.peak_pressure, found.lowest_pressure) == (4e7, -1e5)
+    assert found.beyond_stroke == pytest.approx(0.002, rel=1e-9)
+
+
+@pytest.mark.parametrize("size", [0.02, -0.01])
+def test_the_steady_error_is_positive_where_the_motion_stops_short_and_a_mean_of_the_last_tenth(size):
+    """Half-way until a tenth before the end, then 3 and 5 % short in turn."""
+    k = np.arange(2000)
+    reached = np.where(k < 1800, 0.5, np.where(k % 2, 0.97, 0.95))
+    reached[0] = 0.0
+    asked = Scenario(name="short", loop="position", Ts=TS, reference=np.full(2000, 0.1 + size), y=0.1, kind="step", settle_by=0.1)
+    found = measure(ACTUATOR, asked, trajectory_of(0.1 + size * reached, np.zeros(2000)))
+    assert found.steady_error == pytest.approx(0.04, rel=1e-9)
+
+
+def test_step_metrics_concern_the_last_change_of_the_reference():
+    """A step up that overshoots by half, and back by a third of it without overshoot. What lasts is
+    counted from the first sample that is not before `settle_by`."""
+    reference, y = np.full(3000, 0.1), np.full(3000, 0.1)
+    reference[1000:], y[1000:] = 0.13, 0.13
+    y[1050:1100] = 0.145
+    reference[2000:] = 0.12
+    y[2000:] = 0.12 + 0.01 * np.exp(-np.arange(1000) / 100.0)
+    asked = Scenario(name="back", loop="position", Ts=TS, reference=reference, y=0.1, kind="reversal", settle_by=0.04995)
+    found = measure(ACTUATOR, asked, trajectory_of(y, np.zeros(3000)))
+    assert found.overshoot == 0.0
+    assert found.settling_time == pytest.approx(100 * TS * math.log(50.0), abs=TS)
+    assert found.oscillation == pytest.approx(math.exp(-5.0) - math.exp(-9.99), rel=1e-9)
+
+
 def test_a_loop_that_does_not_settle_has_an_infinite_settling_time_and_fails():
     n = 4000
     y = 0.1 + 0.01 * (1.0 + 0.1 * np.sin(300 * TS * np.arange(n)))
@@ -148,6 +189,7 @@ def test_a_validation_holds_a_schedule_to_the_Mt_that_it_was_designed_for():
     assert hc.Specification().Mt == 1.3, "what requirements without a design stand for"
 
 
+REQUIREMENTS = default_requirements(scale_of(ACTUATOR, "position"), "position")
 QUIET = dict.fromkeys((field.name for field in dataclasses.fields(Metrics)), 0.0)
 """a motion of which nothing can be said"""
 EDGES = [
@@ -168,6 +210,20 @@ def test_a_requirement_fails_just_beyond_the_limit_that_it_states(name, kind, fi
     for factor, passed in ((1.0 - 1e-9, True), (1.0 + 1e-9, False)):
         verdicts = verdicts_of(asked, Metrics(**QUIET | {field: factor * edge}))
         assert [v.name for v in verdicts.values() if not v.passed] == ([] if passed else [name])
+
+
+@pytest.mark.parametrize("worse", [0.2, math.nan], ids=["by a tenth of a second", "without such a number"])
+def test_the_worst_run_is_the_one_furthest_beyond_its_own_limit(worse):
+    """Not the one with the largest number; one that cannot be judged is worse than any."""
+    times = {"patient": (0.4, 0.3), "hasty": (0.1, worse), "quick": (0.1, 0.05)}
+    runs = []
+    for name, (settle_by, settling) in times.items():
+        asked = Scenario(name=name, loop="position", Ts=TS, reference=np.full(10, 0.1), y=0.1, kind="step", settle_by=settle_by)
+        metrics = Metrics(**QUIET | {"settling_time": settling})
+        runs.append(SimpleNamespace(scenario=asked, variant="nominal", actuator=ACTUATOR, metrics=metrics, reason=""))
+    (settled,) = (verdict for verdict in judge(REQUIREMENTS, runs) if verdict.name == "settling time")
+    assert not settled.passed
+    assert (settled.scenario, settled.limit) == ("hasty", 0.1)
 
 
 def test_the_shortest_time_below_tank_pressure_is_cavitation():
