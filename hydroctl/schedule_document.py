@@ -18,6 +18,7 @@ from .actuator import ADDED_LATER, PARAMETERS
 from .errors import InputError, unknown_name
 from .files import write_file
 from .schedule_versions import upgraded
+from .simulation.law import LEAST_RATIO, MOST_RATIO
 
 SCHEMA = "hydroctl.gain-schedule"
 GAIN_UNITS = {
@@ -155,7 +156,10 @@ class PressureCompensation(_Part):
     """The command is multiplied by a ratio of the measured pressure drops to these, which are the design's."""
 
     ratio: Literal["q_ref/q, q = g_a*sqrt(drop_a)/V_a(y) + g_b*sqrt(drop_b)/V_b(y) over the open edges, g = area*flow coefficient"]
-    limits: tuple[Annotated[float, Field(ge=0.4, le=0.4)], Annotated[float, Field(ge=3, le=3)]]
+    limits: tuple[
+        Annotated[float, Field(ge=LEAST_RATIO, le=LEAST_RATIO)],
+        Annotated[float, Field(ge=MOST_RATIO, le=MOST_RATIO)],
+    ]
     drop_a_retract: Pressure
     drop_b_retract: Pressure
     drop_a_extend: Pressure

@@ -13,6 +13,7 @@ from .errors import InputError
 from .margins import MARGIN_UNITS
 from .regulators import GAINS, STRUCTURES, require_structure, section_count
 from .schedule_versions import VERSION
+from .simulation.law import LEAST_RATIO, MOST_RATIO
 from .specification import Specification
 from .test_vectors import TOLERANCE, Vector, vectors_of
 
@@ -166,7 +167,7 @@ def _compensation(schedule) -> schedule_document.PressureCompensation | None:
     )
     return schedule_document.PressureCompensation(
         ratio="q_ref/q, q = g_a*sqrt(drop_a)/V_a(y) + g_b*sqrt(drop_b)/V_b(y) over the open edges, g = area*flow coefficient",
-        limits=(0.4, 3.0),
+        limits=(LEAST_RATIO, MOST_RATIO),
         drop_a_retract=retract_a,
         drop_b_retract=retract_b,
         drop_a_extend=extend_a,

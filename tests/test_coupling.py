@@ -1,9 +1,12 @@
 """The scheduled loop with the slopes of its own gains: against hand calculation, the frozen loops and the nonlinear plant."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from exports import exported
+from loops import PlainRegulator
 
 import hydroctl as hc
 from hydroctl.coupling import check_coupling, coupled_poles
@@ -56,6 +59,149 @@ def test_a_proportional_loop_feeds_its_command_back_through_the_slope_of_kp(sche
             closed = np.block([[A[k, i, j] + B[k, i, j] * straight @ C, B[k, i, j] * back], [straight * C, np.array([[back]])]])
             expected = np.linalg.eigvals(closed)
             assert np.abs(expected[:, None] - found[k, i, j]).min(axis=1).max() < 1e-5
+
+
+LAWS = {
+    "derivative of the measurement": {"loop": "position", "structure": "pid", "derivative_on": "measurement"},
+    "derivative of the error": {"loop": "position", "structure": "pid"},
+    "set-point weight": {"loop": "position", "structure": "pi", "set_point_weight": 0.8},
+    "everything": {
+        "loop": "position",
+        "structure": "pid+lead-lag+notch",
+        "derivative_on": "measurement",
+        "set_point_weight": 0.9,
+        "delay_samples": 1.4,
+    },
+    "no integral": {"loop": "position", "structure": "p+lead+notch"},
+    "speed": {"loop": "velocity", "structure": "pid+notch", "derivative_on": "measurement"},
+}
+
+
+def _steep(schedule):
+    """The schedule with gains that change by themselves and by half or more from node to node."""
+    x, y = np.abs(schedule.x)[:, None], schedule.y
+    return replace(
+        schedule,
+        kp=schedule.kp * (1.0 + 0.5 * x) * (1.0 + y),
+        ki=schedule.ki * (1.0 + 0.3 * x) * (1.0 + 2.0 * y),
+        kd=schedule.kd * (1.0 + 2.0 * x) * (1.0 + 4.0 * y),
+        notch_frequency=schedule.notch_frequency * (1.0 + 0.2 * x) * (1.0 + 0.3 * y),
+    )
+
+
+class _SteadyMotion:
+    """The plain regulator of tests/loops.py on a linear plant, around the motion in which it holds x."""
+
+    def __init__(self, schedule, x, y):
+        self.schedule, self.x, self.y = schedule, x, y
+        _, plants = sampled_plants(schedule.actuator, [x], [y], "position", schedule.specification)
+        spaces = plants.state_space()
+        self.A, self.B, self.read_y = (part.reshape(part.shape[-2:]) for part in spaces)
+        self.v = float(hc.find_operating_points(schedule.actuator, x, y).v)
+        self.plain = PlainRegulator(schedule)
+        self._hold()
+        self.start = np.concatenate([np.zeros(len(self.A)), self._memory()])
+
+    def _hold(self):
+        """Give the regulator the memory that holds x. An integral leaves no error: the reference moves
+        with the cylinder, or states its speed."""
+        s, plain = self.schedule, self.plain
+        plain.x = self.x
+        kp, ki, kd, wn = plain.gains(self.y)
+        m, rate = (self.y, self.v) if s.loop == "position" else (self.v, 0.0)
+        self.reference = m if ki else (self.x / kp + m) / s.b
+        plain.measured, plain.last = m, s.c * self.reference - m + (1.0 - s.c) * rate * s.Ts
+        plain.derivative = -(1.0 - s.c) * rate
+        plain.integral = self.x - kp * (s.b * self.reference - m) - kd * plain.derivative
+        for _ in range(5000):
+            plain.filtered(self.x, wn)
+
+    @property
+    def _used(self):
+        """Whether the regulator has an integral, and a notch."""
+        return bool(self.schedule.ki.any()), self.schedule.zz != self.schedule.zp
+
+    def _memory(self):
+        plain, (integral, notch) = self.plain, self._used
+        numbers = [plain.derivative, plain.last, plain.measured, plain.x]
+        numbers += [*np.ravel(plain.section_states), *([plain.integral] * integral)]
+        return np.array([*numbers, *(plain.notch_states * notch)])
+
+    def _recall(self, memory):
+        plain, (integral, notch), numbers = self.plain, self._used, iter(memory.tolist())
+        plain.derivative, plain.last, plain.measured, plain.x = (next(numbers) for _ in range(4))
+        plain.section_states = [[next(numbers)] for _ in plain.section_states]
+        plain.integral = next(numbers) if integral else 0.0
+        plain.notch_states = [next(numbers), next(numbers)] if notch else [0.0, 0.0]
+
+    def after_a_sample(self, state):
+        """The plant, as it is away from the motion, and the memory one sample later.
+
+        The plant's third state is the speed.
+        """
+        z = state[: len(self.A)]
+        self._recall(state[len(z) :])
+        measured = 0.0, 0.0, self.v + z[2], self.y + (self.read_y @ z).item()
+        command = self.plain.command(self.reference, 0.0, *measured)
+        return np.concatenate([self.A @ z + self.B[:, 0] * (command - self.x), self._memory()])
+
+    def poles(self, step=1e-6):
+        """Eigenvalues of the central differences of `after_a_sample`."""
+        steps = step * np.eye(self.start.size)
+        above, below = ([self.after_a_sample(self.start + change) for change in each] for each in (steps, -steps))
+        return np.linalg.eigvals(np.subtract(above, below).T / (2.0 * step))
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_the_poles_are_those_of_a_plain_regulator_around_a_steady_motion(law):
+    """Another law, another lookup, another steady state, linearized together with the plant:
+    nothing is collected term by term."""
+    steep = _steep(exported(**LAWS[law]))
+    _, plants = sampled_plants(steep.actuator, *AT, "position", steep.specification)
+    found = coupled_poles(steep, *AT, plants)[0]
+    for i, j in np.ndindex(2, 2):
+        expected = _SteadyMotion(steep, AT[0][i], AT[1][j]).poles()
+        for power in (1, 2, 3):
+            assert (expected**power).sum() == pytest.approx((found[i, j] ** power).sum(), abs=1e-5)
+        assert np.abs(found[i, j][:, None] - expected).min(axis=1).max() < 1e-4
+
+
+def _middles(nodes):
+    return np.array([(a + b) / 2.0 for a, b in pairwise(nodes) if a * b >= 0.0])
+
+
+def test_a_loop_that_is_unstable_only_at_the_edges_of_its_cells_along_x_is_found():
+    """kp falls along a cell from 100 to 30. The command comes back by x dkp/dx / kp, which in the
+    middle is 0.66 and at the outer edge 2.6: a pole of that size."""
+    falling = np.array([30.0, 100.0, 100.0, 30.0])[:, None] * np.ones(3)
+    schedule = replace(exported(loop="position", structure="p"), kp=falling)
+    middles = _middles(schedule.x), _middles(schedule.y)
+    _, plants = sampled_plants(schedule.actuator, *middles, "position", schedule.specification)
+    assert np.abs(coupled_poles(schedule, *middles, plants)).max() < 1.0
+    coupled = check_coupling(schedule)
+    size, _, x, _ = coupled.worst
+    slope = 70.0 / 0.9
+    assert size == pytest.approx(slope * abs(x) / (30.0 + slope * (1.0 - abs(x))), rel=0.01)
+    unstable = (coupled.pole_size >= 1.0).any(axis=(0, 2))
+    assert set(coupled.x[unstable].round(2)) == {-1.0, 1.0}
+    assert coupled.unstable == 2 * coupled.y.size
+
+
+def test_a_loop_that_is_unstable_only_at_the_edges_of_its_cells_along_y_is_found():
+    """kp = 4 at a node and 14 at its neighbours. A rise of y closes the valve by kp and opens it by
+    x_0 dkp/dy / kp: the position runs away where the latter is more. It is next to the node only, on
+    that side of it whose slope has the sign of x."""
+    dipped = np.array([14.0, 4.0, 14.0]) * np.ones((4, 1))
+    schedule = replace(exported(loop="position", structure="p"), kp=dipped)
+    middles = _middles(schedule.x), _middles(schedule.y)
+    _, plants = sampled_plants(schedule.actuator, *middles, "position", schedule.specification)
+    assert np.abs(coupled_poles(schedule, *middles, plants)).max() < 1.0
+    coupled = check_coupling(schedule)
+    slope = np.where(coupled.y < 0.2, -10.0 / 0.2, 10.0 / 0.3)
+    expected = coupled.x[:, None] * slope > schedule.gains(coupled.x[:, None], coupled.y).kp ** 2
+    np.testing.assert_array_equal(coupled.pole_size[0] >= 1.0, expected)
+    assert 0 < coupled.unstable == np.count_nonzero(expected)
+    assert set(coupled.y[expected.any(axis=0)].round(3)) == {0.2}
 
 
 def test_tuned_schedules_are_stable_with_the_slopes_of_their_gains(schedules):

@@ -9,7 +9,7 @@ import pytest
 from hydroctl.forms import StandardForm
 from hydroctl.frequency import sample
 from hydroctl.margins import Loop, analyse
-from hydroctl.regulators import Regulators
+from hydroctl.regulators import Regulators, series
 
 TS = 1e-3
 
@@ -60,6 +60,45 @@ def test_a_resonant_loop_has_three_gain_crossings():
     upward = np.abs(found.phase_crossings.response) < 1
     assert 1 / np.abs(found.phase_crossings.response[upward]) == pytest.approx(2.2716, abs=5e-5)
     assert found.phase_crossings.omega[upward] == pytest.approx(10.005, abs=5e-4)
+
+
+@pytest.mark.parametrize("k", [0.7, 2.0, 6.0])
+def test_the_resonance_peak_of_a_second_order_loop_is_the_textbook_one(k):
+    """L = k/(s (s + 1)) closes to k/(s^2 + s + k) with zeta = 1/(2 sqrt(k)): Mt is
+    1/(2 zeta sqrt(1 - zeta^2)), at w = sqrt(k (1 - 2 zeta^2))."""
+    s, zeta = control.tf("s"), 0.5 / np.sqrt(k)
+    found = analyse(Published([k / (s * (s + 1))]), np.geomspace(1e-3, 1e2, 400))
+    assert found.Mt[0] == pytest.approx(0.5 / (zeta * np.sqrt(1.0 - zeta**2)), rel=1e-9)
+    assert found.Mt_frequency[0] == pytest.approx(np.sqrt(k * (1.0 - 2.0 * zeta**2)), rel=1e-3)
+
+
+def test_a_loop_that_lower_gain_unsettles_has_no_gain_margin_above_one():
+    """L = 2 (s + 1)^2/s^3 crosses -180 degrees once, at w = 1, where it is -4: a quarter
+    of the gain is the least, and there is no largest."""
+    s = control.tf("s")
+    found = analyse(Published([2 * (s + 1) ** 2 / s**3]), np.geomspace(1e-3, 1e2, 400))
+    assert found.stable.all()
+    assert found.phase_crossings.response.real == pytest.approx([-4.0], rel=1e-9)
+    assert found.gain_margin[0] == np.inf
+
+
+def test_phase_margins_may_be_negative_and_the_delay_margin_goes_the_long_way_round():
+    """L = -a/(s^2 + 2 zeta s + 1), a < 1, is stable. It crosses |L| = 1 where
+    (1 - w^2)^2 + (2 zeta w)^2 = a^2, twice, with -L lagging by phi = atan2(2 zeta w, 1 - w^2): less
+    lag by phi leads to -1, and so does more by 2 pi - phi."""
+    a, zeta, s = 0.8, 0.1, control.tf("s")
+    half, root = 1.0 - 2.0 * zeta**2, np.sqrt((1.0 - 2.0 * zeta**2) ** 2 - 1.0 + a**2)
+    omega = np.sqrt([half - root, half + root])
+    lag = np.arctan2(2.0 * zeta * omega, 1.0 - omega**2)
+    found = analyse(Published([-a / (s**2 + 2 * zeta * s + 1)]), np.geomspace(1e-3, 1e2, 4000))
+    assert found.stable.all()
+    np.testing.assert_allclose(found.gain_crossings.phase_margins(), -lag, rtol=1e-9)
+    assert found.phase_margin[0] == pytest.approx(lag.min(), rel=1e-9)
+    assert found.delay_margin[0] == pytest.approx(((2.0 * np.pi - lag) / omega).min(), rel=1e-9)
+    assert found.crossover[0] == pytest.approx(omega.max(), rel=1e-9)
+    for factor, stable in ((0.98, True), (1.02, False)):
+        delayed = -a / (s**2 + 2 * zeta * s + 1) * control.tf(*control.pade(factor * found.delay_margin[0], 12))
+        assert (control.feedback(delayed, 1).poles().real.max() < 0.0) == stable
 
 
 @dataclass
@@ -140,3 +179,49 @@ def test_the_disk_margin_is_never_better_than_gain_and_phase_margin(regulated):
     d = found.disk_margin
     assert np.all((2 + d) / (2 - d) <= found.gain_margin * (1 + 1e-9))
     assert np.all(2 * np.arctan(d / 2) <= found.phase_margin * (1 + 1e-9))
+
+
+@pytest.mark.parametrize("k", [0.05, 0.5, 2.0, 6.0])
+def test_the_disk_margin_of_a_lagging_integrator_is_its_closed_form(k):
+    """L = k/(s (s + 1)): 4 |1 + L|^2/|1 - L|^2 = 4 - 16 k w^2/((k + w^2)^2 + w^2) is least at w^2 = k,
+    where it is 4/(1 + 4 k)."""
+    s = control.tf("s")
+    found = analyse(Published([k / (s * (s + 1))]), np.geomspace(1e-3, 1e2, 4000))
+    assert found.disk_margin[0] == pytest.approx(2.0 / np.sqrt(1.0 + 4.0 * k), rel=1e-9)
+
+
+def test_the_disk_margin_of_an_integrator_is_that_of_any_positive_gain_and_a_right_angle():
+    """|1 + k/(jw)| = |1 - k/(jw)|: the disk is the whole right half-plane, d = 2."""
+    s = control.tf("s")
+    found = analyse(Published([3.0 / s]), np.geomspace(1e-2, 1e3, 500))
+    assert found.disk_margin[0] == pytest.approx(2.0, rel=1e-12)
+
+
+def _turned(d, count=360):
+    """The factors (2 + delta)/(2 - delta) with |delta| = d: the border of the disk, gain and phase at
+    once."""
+    delta = d * np.exp(2j * np.pi * np.arange(count) / count)
+    return (2.0 + delta) / (2.0 - delta)
+
+
+@pytest.mark.parametrize(("share", "stable"), [(0.999, True), (1.001, False)])
+def test_no_factor_within_the_disk_margin_unsettles_a_loop_and_one_beyond_does(share, stable):
+    """By the roots of s (s + 1) + f k, whose coefficients may be complex. The pure gain and the pure
+    phase that a disk margin d stands for lie on the border."""
+    k = 2.0
+    s = control.tf("s")
+    found = analyse(Published([k / (s * (s + 1))]), np.geomspace(1e-3, 1e2, 4000))
+    d = share * found.disk_margin[0]
+    factors = _turned(d)
+    assert factors[0] == pytest.approx((2.0 + d) / (2.0 - d), rel=1e-12)
+    assert np.angle(factors[90]) == pytest.approx(2.0 * np.arctan(d / 2.0), rel=1e-12)
+    assert all(np.roots([1.0, 1.0, factor * k]).real.max() < 0.0 for factor in factors) == stable
+
+
+@pytest.mark.parametrize(("share", "stable"), [(0.99, True), (1.01, False)])
+def test_sampled_loops_bear_every_factor_within_their_disk_margin_and_not_beyond(regulated, share, stable):
+    plant = *regulated.plant.state_space(), np.zeros((1, 1))
+    A, B, C, _ = series(regulated.regulators.state_space(), plant)
+    factors = _turned(share * analyse(regulated).disk_margin[..., None])[..., None, None]
+    poles = np.linalg.eigvals(A[..., None, :, :] - factors * (B @ C)[..., None, :, :])
+    assert np.all((np.abs(poles).max(axis=(-2, -1)) < 1.0) == stable)

@@ -4,9 +4,13 @@ import json
 
 import numpy as np
 import pytest
+from machines import DIFFERENTIAL
 
 import hydroctl as hc
-from hydroctl.schedule import check_margins
+from hydroctl.margins import MARGIN_UNITS
+from hydroctl.schedule import check_margins, design_pressure_drops
+from hydroctl.simulation import law
+from hydroctl.test_vectors import law_of
 
 
 @pytest.fixture(scope="module")
@@ -48,12 +52,15 @@ def test_the_margins_cover_nodes_and_midpoints_of_every_variant(schedule):
     assert 0.0 not in schedule.margins.x
 
 
-def test_the_worst_point_is_where_the_margin_is_worst(schedule):
-    worst = schedule.margins.worst("Ms")
+@pytest.mark.parametrize("name", [*MARGIN_UNITS, "disk_margin"])
+def test_the_worst_point_is_where_the_margin_is_worst(schedule, name):
+    """The largest peak of a sensitivity, the smallest of every other margin."""
+    worst, values = schedule.margins.worst(name), getattr(schedule.margins.margins, name)
     i, j = np.argmax(schedule.margins.x == worst.x), np.argmax(schedule.margins.y == worst.y)
     k = schedule.margins.variants.index(worst.variant)
-    assert schedule.margins.margins.Ms[k, i, j] == worst.value == schedule.margins.margins.Ms.max()
-    assert schedule.margins.worst("gain_margin").value == schedule.margins.margins.gain_margin.min()
+    assert values[k, i, j] == worst.value
+    assert worst.value == (values.max() if name in ("Ms", "Mt") else values.min())
+    assert values.min() < values.max()
 
 
 def test_a_file_reads_back_to_the_same_bits(schedule, saved):
@@ -194,3 +201,53 @@ def test_a_directory_that_cannot_be_written_leaves_nothing(schedule, tmp_path):
 def test_margins_of_the_nodes_alone_are_those_of_the_nodes(schedule):
     nodes = check_margins(schedule, schedule.x, schedule.y)
     assert nodes.worst("Ms").value == pytest.approx(schedule.margins.worst("Ms", where=schedule.margins.designed).value, rel=1e-12)
+
+
+LOADED = DIFFERENTIAL.replace(leakage=0.0, load_force=3e4, flow_coefficient_b=6e-7)
+"""areas 1.46:1, edges 1.48:1, a load that holds against extension"""
+
+
+def _drops_by_hand(machine, x):
+    """(drop over the open edge at A, at B) in Pa for a steady motion without leakage.
+
+    Each flow is c |x| sqrt(drop) = A |v|. Extending, A is supplied and B drains:
+    A_a (p_s - d_a) - A_b (p_t + d_b) = B |v| + F; retracting they change places:
+    A_a (p_t + d_a) - A_b (p_s - d_b) = -B |v| + F. Either is a quadratic in |v|.
+    """
+    area_a, area_b = machine.area_a, machine.area_b
+    supply, tank = machine.supply_pressure, machine.tank_pressure
+    if x > 0.0:
+        drive = area_a * supply - area_b * tank - machine.load_force
+    else:
+        drive = area_b * supply - area_a * tank + machine.load_force
+    edges = (area_a, machine.flow_coefficient), (area_b, machine.flow_coefficient_b)
+    per_square = [(area / (c * x)) ** 2 for area, c in edges]
+    throttle = area_a * per_square[0] + area_b * per_square[1]
+    speed = max(np.roots([throttle, machine.viscous_friction, -drive]))
+    return [speed**2 * share for share in per_square]
+
+
+@pytest.mark.parametrize("load", [3e4, -5e4])
+@pytest.mark.parametrize(
+    ("x", "middles"),
+    [([-1.0, -0.4, -0.1, 0.2, 0.5], (-0.4, 0.35)), ([0.3, 0.7], (-1.0, 0.5)), ([-0.2], (-0.2, 1.0))],
+    ids=["both sides", "extending alone", "retracting alone"],
+)
+def test_the_designs_pressure_drops_are_those_over_the_edges_that_are_open(x, middles, load):
+    """At the median opening of each side, at full opening on a side without any; row 0 retracts, row 1
+    extends; A, then B."""
+    machine = LOADED.replace(load_force=load)
+    expected = [_drops_by_hand(machine, middle) for middle in middles]
+    assert abs(expected[0][0] / expected[1][0] - 1.0) > 0.05
+    np.testing.assert_allclose(design_pressure_drops(machine, x), expected, rtol=1e-9)
+
+
+def test_the_pressure_ratio_is_one_in_the_motions_that_the_design_counts_on():
+    """Both directions and both chambers of an asymmetric machine under load, through the tuner and the
+    law's own constants."""
+    asked = hc.Specification(uncertainty="nominal", pressure_compensation=True)
+    made = hc.tune(LOADED, [-0.6, 0.3], [0.2, 0.8], specification=asked)
+    points = hc.find_operating_points(LOADED, [-0.6, 0.3], 0.5)
+    for x, p_a, p_b in zip(points.x, points.p_a, points.p_b, strict=True):
+        for y in (0.1, 0.9):
+            assert law.pressure_ratio(x, y, p_a, p_b, law_of(made)) == pytest.approx(1.0, rel=1e-9)

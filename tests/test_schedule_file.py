@@ -72,6 +72,20 @@ def test_an_inclined_machine_with_a_rating_is_kept_and_a_plain_one_written_as_be
         assert hc.load_schedule(path).actuator == machine
 
 
+def test_the_file_and_its_schema_state_the_ratios_between_which_the_law_compensates(tmp_path):
+    path = exported(pressure_compensation=True).save(tmp_path / "schedule.json")
+    document, schema = json.loads(path.read_text()), jsonschema.Draft202012Validator(json.loads(json_schema()))
+    stated = document["controller"]["pressure_compensation"]["limits"]
+    assert stated == [0.4, 3.0]
+    assert schema.is_valid(document)
+    for other in ([0.4, 2.9], [0.4, 3.1], [0.5, 3.0], [0.3, 3.0], [0.4], [0.4, 3.0, 3.0]):
+        stated[:] = other
+        assert not schema.is_valid(document)
+        path.write_text(json.dumps(document))
+        with pytest.raises(hc.InputError, match=r"pressure_compensation\.limits"):
+            hc.load_schedule(path)
+
+
 @pytest.mark.parametrize("path", sorted(DATA.glob("schedule_version_*.json")), ids=lambda path: path.stem)
 def test_every_older_version_is_read_as_it_was_meant(path, tmp_path):
     given, read = json.loads(path.read_text()), hc.load_schedule(path)

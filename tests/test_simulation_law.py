@@ -73,6 +73,7 @@ def test_compiled_law_and_the_same_lines_in_python_agree():
     assert run(compiled, given, inputs) == pytest.approx(run(law, given, inputs), rel=0, abs=ROUNDING)
 
 
+KD = 2e-4 * (1.0 + 0.1 * np.arange(12).reshape(4, 3))
 EFFECTS = {
     "filter": {"Tm": 3e-3},
     "weights": {"b": 0.6, "c": 0.0},
@@ -103,7 +104,7 @@ def disturbed_inputs(loop):
 @pytest.mark.parametrize("loop", ["velocity", "position"])
 @pytest.mark.parametrize("effect", EFFECTS)
 def test_every_effect_of_the_law_agrees_with_a_plain_route(loop, effect):
-    given = schedule(loop, kd=np.full((4, 3), 2e-4), feed_forward=True, **EFFECTS[effect])
+    given = schedule(loop, kd=KD, feed_forward=True, **EFFECTS[effect])
     inputs = disturbed_inputs(loop)
     plain = PlainRegulator(given)
     expected = np.array([plain.command(*row[:2], *row[4:], *row[2:4]) for row in inputs])
@@ -113,7 +114,7 @@ def test_every_effect_of_the_law_agrees_with_a_plain_route(loop, effect):
 
 @pytest.mark.parametrize("effect", EFFECTS)
 def test_a_start_holds_the_command_that_it_is_given(effect):
-    given = schedule(kd=np.full((4, 3), 2e-4), feed_forward=True, **EFFECTS[effect])
+    given = schedule(kd=KD, feed_forward=True, **EFFECTS[effect])
     regulator, measured = regulator_of(given), (6e6, 7e6, 0.013, 0.2)
     for x in (-1.0, -0.3, -1e-3, 0.0, 0.04, 0.7, 1.0):
         memory = compiled.start(x, 0.02, 0.02, measured, regulator)
@@ -122,7 +123,9 @@ def test_a_start_holds_the_command_that_it_is_given(effect):
 
 def test_a_start_clips_the_command_and_begins_at_rest_where_an_input_is_unknown():
     regulator, measured = regulator_of(schedule()), (0.0, 0.0, 0.013, 0.2)
-    assert compiled.start(1.7, 0.02, 0.0, measured, regulator) == compiled.start(1.0, 0.02, 0.0, measured, regulator)
+    for beyond, end in ((1.7, 1.0), (-1.7, -1.0)):
+        clipped = compiled.start(end, 0.02, 0.0, measured, regulator)
+        assert compiled.start(beyond, 0.02, 0.0, measured, regulator) == clipped
     assert compiled.start(np.nan, 0.02, 0.0, measured, regulator) == law.AT_REST
     assert compiled.start(0.3, 0.02, 0.0, (0.0, 0.0, np.nan, 0.2), regulator) == law.AT_REST
 
@@ -188,9 +191,25 @@ def test_the_ratio_is_one_at_the_design_and_takes_the_load_out_of_the_gain():
     assert gains == pytest.approx([gains[0]] * 3, rel=1e-12)
 
 
+@pytest.mark.parametrize("opening", [0.3, -0.3])
+def test_the_ratio_is_held_between_four_tenths_and_three(opening):
+    """Drops that are 1/r^2 of the design's over both open edges make the ratio r, wherever the piston
+    is; with none left over either edge the gain would vanish, and the ratio is 3."""
+    drops = np.array([[9e6, 11e6], [1e6, 8e5]])
+    regulator, machine = regulator_of(schedule(pressure_drops=drops)), load_actuator("reference")
+    supply, tank = machine.supply_pressure, machine.tank_pressure
+    drop_a, drop_b = drops[int(opening > 0.0)]
+    for r in (0.3, 0.39, 0.41, 1.7, 2.95, 3.05, 40.0, np.inf):
+        a, b = drop_a / r**2, drop_b / r**2
+        pressures = (supply - a, tank + b) if opening > 0.0 else (tank + a, supply - b)
+        for y in (0.0, 0.2, 0.5):
+            found = law.pressure_ratio(opening, y, *pressures, regulator)
+            assert found == pytest.approx(min(max(r, 0.4), 3.0), rel=1e-9)
+
+
 @pytest.mark.parametrize("build", ["notched", "plain"])
 def test_leaving_out_unused_effects_changes_no_bit(build):
-    given = schedule(kd=np.full((4, 3), 2e-4), feed_forward=True, zz=0.2 if build == "notched" else 0.8)
+    given = schedule(kd=KD, feed_forward=True, zz=0.2 if build == "notched" else 0.8)
     inputs = random_inputs(300, 0.3)
     assert (run(law_build(build), given, inputs)[:, 5] == run(compiled, given, inputs)[:, 5]).all()
 

@@ -131,6 +131,24 @@ def test_the_mixing_matrix_is_the_lookup(reference):
     np.testing.assert_allclose(mixed, schedule.gains(x[:, None], y).ki.ravel(), rtol=1e-14)
 
 
+@pytest.mark.parametrize("sample_time", [2.5e-4, 1e-3], ids=["share", "floor"])
+@pytest.mark.parametrize("verb", [hc.tune, hc.tune_fixed])
+def test_the_anti_windup_takes_a_quarter_of_the_integral_time_and_at_least_ten_samples(reference, verb, sample_time):
+    """A position loop of this machine has an integral time of some 32 ms: a quarter is more than ten
+    samples of 0.25 ms, but less than ten of 1 ms."""
+    specification = hc.Specification(uncertainty="nominal", sample_time=sample_time)
+    schedule = verb(reference, [-1.0, -0.1, 0.1, 1.0], [0.0, 0.25], loop="position", specification=specification)
+    quarter, floor = np.median(schedule.kp / schedule.ki) / 4.0, 10.0 * sample_time
+    assert (quarter > 1.5 * floor) == (sample_time < 1e-3)
+    assert (quarter < floor) == (sample_time == 1e-3)
+    assert schedule.Tt == pytest.approx(max(quarter, floor), rel=1e-12)
+
+
+def test_a_regulator_without_integral_states_ten_samples_of_anti_windup(reference):
+    schedule = hc.tune(reference, *AT, loop="position", structure="p", specification=NOMINAL)
+    assert schedule.Tt == pytest.approx(10.0 * NOMINAL.sample_time, rel=1e-12)
+
+
 def test_zero_is_no_node(reference):
     with pytest.raises(hc.InputError, match="x = 0 cannot be a node"):
         hc.tune(reference, [-0.5, 0.0, 0.5], [0.1])
