@@ -122,9 +122,10 @@ def _linear_law(schedule: GainSchedule, x: np.ndarray, y: np.ndarray):
 
 
 def _used_states(schedule: GainSchedule) -> list[str]:
-    """The fields of the memory that act: those of an absent integral, notch or section would stand still or swing by themselves."""
+    """The fields of the memory that act: those of an absent integral, derivative, notch or section are 0."""
     absent = {"running"} | {f"section_{i + 1}" for i in range(len(schedule.sections), 2)}
     absent |= set() if np.any(schedule.ki) else {"integral"}
+    absent |= set() if np.any(schedule.kd) else {"derivative", "last"}
     absent |= set() if schedule.zz != schedule.zp else {"notch_1", "notch_2"}
     return [name for name in Memory._fields if name not in absent]
 

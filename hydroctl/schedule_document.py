@@ -26,6 +26,7 @@ GAIN_UNITS = {
     "position": {"kp": "1/m", "ki": "1/(m*s)", "kd": "s/m", "notch_frequency": "rad/s"},
 }
 """units of the tables by loop, in the order of the file"""
+FALLBACK = "where an input, a state or x is not finite, x = 0, and the next sound sample is a start"
 SCHEMA_FILE = Path(__file__).with_name("schedule.schema.json")
 _LARGEST_FILE = 50_000_000
 
@@ -188,7 +189,8 @@ class Controller(_Part):
     pressure_compensation: PressureCompensation | None
     dead_band_inverse: Annotated[float, Field(ge=0, le=1)]
     start: Literal["m_f = m, g_previous = (c - 1)*m, all other states 0"]
-    fallback: Literal["where an input is not finite, x = 0, and the next sound sample is a start"]
+    fallback: Literal[FALLBACK, "where an input is not finite, x = 0, and the next sound sample is a start"]
+    """the second text stands in older files"""
 
 
 class FeedForward(_Part):

@@ -155,7 +155,7 @@ def _controller(schedule) -> schedule_document.Controller:
         pressure_compensation=_compensation(schedule),
         dead_band_inverse=float(schedule.dead_band_inverse),
         start="m_f = m, g_previous = (c - 1)*m, all other states 0",
-        fallback="where an input is not finite, x = 0, and the next sound sample is a start",
+        fallback=d.FALLBACK,
     )
 
 

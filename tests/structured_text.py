@@ -45,8 +45,9 @@ def without_comments(source: str) -> str:
 
 class _Instance:
     def __init__(self, unit, functions):
-        self.m = SimpleNamespace(**_declared(unit))
-        self._run = _compiled(unit.body, functions)
+        declared = _declared(unit)
+        self.m = SimpleNamespace(**declared)
+        self._run = _compiled(unit.body, functions, declared)
 
     def __call__(self, **inputs):
         for name, value in inputs.items():
@@ -57,7 +58,8 @@ class _Instance:
 
 def _function(unit, functions):
     inputs = [variable.variable.name.lower() for item in unit.declarations[0].items for variable in item.variables]
-    body, declared = _compiled(unit.body, functions), _declared(unit)
+    declared = _declared(unit)
+    body = _compiled(unit.body, functions, declared)
 
     def call(*values):
         m = SimpleNamespace(**declared, **{unit.name.lower(): None})
@@ -100,33 +102,36 @@ def _flat(array):
             yield eval(_expression(part.element))
 
 
-def _compiled(body, functions):
-    names = {f"f_{name}": function for name, function in functions.items()}
-    exec("def run(m):\n" + "\n".join(_statements(body, 1)), names)
+def _compiled(body, functions, declared):
+    names = {f"f_{name}": function for name, function in functions.items()} | {"real": np.float32}
+    reals = {f"m.{name}" for name, value in declared.items() if isinstance(value, np.float32)}
+    exec("def run(m):\n" + "\n".join(_statements(body, 1, reals)), names)
     return names["run"]
 
 
-def _statements(body, depth):
+def _statements(body, depth, reals):
+    """Lines of Python; what is assigned to one of the variables `reals` is rounded to single precision."""
     indent = "    " * depth
     for node in body.statements if body else ():
         match type(node).__name__:
             case "AssignmentStatement":
                 (variable,) = node.variables
-                yield f"{indent}{_expression(variable)} = {_expression(node.expression)}"
+                target, value = _expression(variable), _expression(node.expression)
+                yield f"{indent}{target} = {f'real({value})' if target in reals else value}"
             case "IfStatement":
                 yield f"{indent}if {_expression(node.if_expression)}:"
-                yield from _statements(node.statements, depth + 1)
+                yield from _statements(node.statements, depth + 1, reals)
                 for clause in node.else_ifs:
                     yield f"{indent}elif {_expression(clause.if_expression)}:"
-                    yield from _statements(clause.statements, depth + 1)
+                    yield from _statements(clause.statements, depth + 1, reals)
                 if node.else_clause:
                     yield f"{indent}else:"
-                    yield from _statements(node.else_clause.statements, depth + 1)
+                    yield from _statements(node.else_clause.statements, depth + 1, reals)
             case "ForStatement":
                 assert node.step is None
                 control = _expression(node.control)
                 yield f"{indent}for {control} in range({_expression(node.from_)}, {_expression(node.to)} + 1):"
-                yield from _statements(node.statements, depth + 1)
+                yield from _statements(node.statements, depth + 1, reals)
             case "ReturnStatement":
                 yield f"{indent}return"
             case other:

@@ -19,7 +19,7 @@ from ..actuator import Actuator
 from ..errors import InputError
 from ..files import write_file
 from ..plant import parameters
-from ..simulation import rest_state, runge_kutta
+from ..simulation import law, rest_state, runge_kutta
 from ..simulation.modes import longest_step
 from .c import filters, sources
 from .contents import Contents
@@ -63,6 +63,10 @@ _PLANT = (
     Variable("v", "m/s", "speed", "output", initially=("v_start",)),
     Variable("y", "m", "position", "output", initially=("y_start",)),
 )
+_LIMITS = {
+    end: {"description": f"{end} value that is not a fault", "causality": "parameter", "start": start}
+    for end, start in (("lowest", -sys.float_info.max), ("highest", sys.float_info.max))
+}
 _STATES = (("p_a", "Pa"), ("p_b", "Pa"), ("v", "m/s"), ("y", "m"))
 
 
@@ -85,12 +89,16 @@ def export_plant(actuator: Actuator, path: str | Path) -> tuple[Path, ...]:
 
 
 def regulator_fmu(contents: Contents, name: str) -> bytes:
-    """The regulator: sampled at the beginning of each sample time, its output delayed by the samples of the schedule."""
+    """The regulator: sampled at the beginning of each sample time, its output delayed by the samples of the schedule.
+
+    Parameters y_lowest, y_highest, ... limit the inputs that it reads; its output faults counts the samples with a fault.
+    """
     delay = contents.schedule.delay_samples
     if delay != int(delay):
         raise InputError(f"delay_samples = {delay:g}: an FMU delays by whole samples; round it up and design anew.")
     header, source = sources(contents, name, "double")
-    values = {"filters": _FILTERS, "name": name, "NAME": name.upper(), "delay": int(delay)}
+    reads = law.inputs_read(contents.regulator)
+    values = {"filters": _FILTERS, "name": name, "NAME": name.upper(), "delay": int(delay), "reads": reads}
     files = {f"{name}.h": header, f"{name}.c": source} | {
         f"model.{kind}": render(f"regulator_model.{kind}.jinja", **values) for kind in ("h", "c")
     }
@@ -99,6 +107,10 @@ def regulator_fmu(contents: Contents, name: str) -> bytes:
     inputs = [v._replace(unit=v.unit.format(**words), description=v.description.format(**words)) for v in _INPUTS]
     direct = tuple(v.name for v in inputs) if delay == 0 else ()
     variables = [*inputs, Variable("x", "1", "valve command, -1 to 1", "output", feedthrough=direct, initially=direct)]
+    variables.append(Variable("faults", "1", "samples at which a fault was found", "output"))
+    for v in inputs:
+        if v.name in reads:
+            variables += [v._replace(name=f"{v.name}_{end}", **limit) for end, limit in _LIMITS.items()]
     return _packed(name, " ".join(contents.provenance), variables, files, contents.schedule.Ts)
 
 

@@ -35,6 +35,7 @@ def parts(contents: Contents) -> dict:
         | {
             "tables": [{"name": name, "unit": contents.units[name], "rows": table.tolist()} for name, table in tables.items()],
             "fields": _fields(values),
+            "reads": law.inputs_read(r),
         }
     )
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from ..files import write_file
 from .contents import Contents
 from .parts import parts
@@ -22,5 +24,10 @@ def source(contents: Contents, name: str, real: str) -> bytes:
         return shortest(value, real)
 
     filters = {"number": number, "numbers": lambda values: ", ".join(map(number, values))}
-    kind = "REAL" if real == "float" else "LREAL"
-    return render("regulator.st.jinja", filters=filters, name=name, REAL=kind, **parts(contents))
+    values = parts(contents) | {
+        "name": name,
+        "REAL": "REAL" if real == "float" else "LREAL",
+        "largest": np.finfo(np.float32 if real == "float" else np.float64).max,
+    }
+    values["inputs"] = ["setpoint" if read == "reference" else read for read in values["reads"]]
+    return render("regulator.st.jinja", filters=filters, **values)

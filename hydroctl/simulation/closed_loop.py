@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import plant
 from ..actuator import Actuator
-from ..errors import InputError
+from ..errors import InputError, SimulationError
 from .modes import substeps as needed_substeps
 from .regulator import regulator_of
 from .scenario import Scenario, require_fit
@@ -26,7 +26,7 @@ def simulate_closed_loop(
 
     The plant is integrated by Runge-Kutta 6 in equal substeps of a sample, `substeps` of them or as many as its fastest mode needs,
     and with error control through those in which its equations bend. Raises InputError where schedule and scenario do not fit
-    together, SimulationError where the motion leaves the numbers.
+    together, SimulationError where the motion, or the regulator, leaves the numbers.
     """
     require_fit(schedule, scenario)
     if substeps is not None and (isinstance(substeps, bool) or not isinstance(substeps, Integral) or substeps < 1):
@@ -41,10 +41,16 @@ def simulate_closed_loop(
     from .compiled import loop_for
 
     p, regulator = plant.parameters(actuator), regulator_of(schedule)
-    final = loop_for(actuator, regulator).sampled.run(
+    final, faults = loop_for(actuator, regulator).sampled.run(
         tuple(start), scenario.reference, scenario.v_ref, load, scenario.sensor_signals(), regulator, p, count, out
     )
     integrator = f"Runge-Kutta 6, {count} substeps of {scenario.Ts / count:g} s per sample"
     p_a, p_b, v, y, spool, x, command = out
     motion = (scenario.t, x, y, v, p_a, p_b, spool, integrator, State(*final))
-    return require_motion(actuator, Trajectory(*motion, reference=scenario.reference, command=command))
+    answer = require_motion(actuator, Trajectory(*motion, reference=scenario.reference, command=command))
+    if faults > 0:
+        raise SimulationError(
+            f"The regulator is unstable in itself: its states overflow at {faults} of {command.size} samples. "
+            f"Give its anti-windup a time Tt well above {0.5 * scenario.Ts:g} s, half a sample."
+        )
+    return answer

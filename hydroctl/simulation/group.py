@@ -36,15 +36,17 @@ NUMBERS = tuple(name for name in Regulator._fields if name not in _ARRAYS)
 def regulator_at(i, tables):
     """The regulator of cylinder i from the tables of all."""
     x, x_slope, y, y_slope, table, limits, sections, compensation, numbers = tables
-    position, Ts, Tf, Tm, b, c, zz, zp, shaped, rate, slope, offset, back, back_offset, compensated, depth, width, delay, part = (
-        to_fixed_tuple(numbers[i], 19)
+    (position, Ts, Tf, Tm, b, c, zz, zp, integrates, derives, shaped, rate, slope, offset, back, back_offset) = to_fixed_tuple(
+        numbers[i, :16], 16
     )
+    compensated, depth, width, delay, part = to_fixed_tuple(numbers[i, 16:], 5)
     curves = x[i], x_slope[i], y[i], y_slope[i], table[i], limits[i], position != 0.0
     two = to_fixed_tuple(sections[i, 0], 2), to_fixed_tuple(sections[i, 1], 2)
     forward = slope, offset, back, back_offset
     pressures = compensated != 0.0, Compensation(*to_fixed_tuple(compensation[i], 13))
     late = int(delay), part
-    return Regulator(*curves, Ts, Tf, Tm, b, c, zz, zp, two, shaped != 0.0, rate, *forward, *pressures, depth, width, *late)
+    used = integrates != 0.0, derives != 0.0, shaped != 0.0
+    return Regulator(*curves, Ts, Tf, Tm, b, c, zz, zp, two, *used, rate, *forward, *pressures, depth, width, *late)
 
 
 def at(values, place):

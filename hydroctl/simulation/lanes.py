@@ -2,7 +2,7 @@
 
 All rows of a block lie in one buffer at constant distances, and every pass over its lanes is straight-line code, so that the
 compiler makes vector code of it. Each lane does what `sampled.run` does, with the same functions and the same rounding, and
-adds up the metrics of its motion as it goes.
+adds up the metrics of its motion as it goes. A fault of the regulator ends a case: its total variation is infinite from then on.
 """
 
 from __future__ import annotations
@@ -159,7 +159,8 @@ def _regulate(w, seen, reference, forward, regulator):
         )
         measured = (w[seen + i], w[seen + LANES + i], w[seen + 2 * LANES + i], w[seen + 3 * LANES + i])
         new = law.regulate(reference, forward, measured, gains, memory, regulator)
-        w[VARIATION + i] += abs(new.x - w[X + i])
+        sound = law.is_sound(reference, forward, measured, regulator) & law.is_finite(new)
+        w[VARIATION + i] += abs(new.x - w[X + i]) if sound else inf
         w[INTEGRAL + i], w[DERIVATIVE + i], w[LAST + i], w[NOTCH_1 + i], w[NOTCH_2 + i] = new[:5]
         w[X + i], w[SECTION_1 + i], w[SECTION_2 + i], w[FILTERED + i], w[RUNNING + i] = new[5:]
 

@@ -21,9 +21,9 @@ q_ref/q, clipped to [0.4, 3], undoes what the load does to the gain, which is pr
 
 with the pressure drops dp over the open edges; q_ref is the design's.
 
-A start, m_f = m and g[k-1] = (c - 1) m, takes the reference before the first sample as equal to the measurement. Where an input is
-not finite (a broken sensor) x = 0, and the next sound sample is a start. Every function takes numbers, as Python or compiled;
-`regulate` is free of branches.
+A start, m_f = m and g[k-1] = (c - 1) m, takes the reference before the first sample as equal to the measurement. A fault is an
+input that is not finite (a broken sensor), or one so large that x or a state would not be finite: then x = 0, and the next sound
+sample is a start. Every function takes numbers, as Python or compiled; `regulate` is free of branches.
 """
 
 from __future__ import annotations
@@ -82,6 +82,10 @@ class Regulator(NamedTuple):
     zp: float
     sections: tuple[tuple[float, float], tuple[float, float]]
     """(z, p) of the two lead-lag sections"""
+    integrates: bool
+    """whether any ki is not 0; else the integral stays 0"""
+    derives: bool
+    """whether any kd is not 0; else the states of the derivative stay 0"""
     shaped: bool
     """whether there is a notch or a section, so that wn is needed"""
     tracking_rate: float
@@ -119,7 +123,7 @@ class Memory(NamedTuple):
     filtered: float
     """m_f"""
     running: float
-    """1 after a sample, 0 before the first"""
+    """1 after a sample, 0 before the first and after a fault"""
 
 
 AT_REST = Memory(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -201,25 +205,30 @@ def section_coefficients(w, section):
 def filtered(measured, memory, regulator):
     """m_f"""
     follows = measured + regulator.Tm / (regulator.Tm + regulator.Ts) * (memory.filtered - measured)
-    return np.where(memory.running == 0.0, measured, follows)
+    return np.where((memory.running == 0.0) | (regulator.Tm == 0.0), measured, follows)
 
 
 def lead_lag(u, wn, memory, regulator):
     """(output, new state 1, new state 2) of the two sections in series."""
     w = np.tan(0.5 * wn * regulator.Ts)
-    b0, b1, a1 = section_coefficients(w, regulator.sections[0])
-    first = b0 * u + memory.section_1
-    state_1 = b1 * u - a1 * first
-    b0, b1, a1 = section_coefficients(w, regulator.sections[1])
-    second = b0 * first + memory.section_2
-    return second, state_1, b1 * first - a1 * second
+    first, state_1 = _section(u, w, memory.section_1, regulator.sections[0])
+    second, state_2 = _section(first, w, memory.section_2, regulator.sections[1])
+    return second, state_1, state_2
+
+
+def _section(u, w, state, section):
+    """(output, new state) of one section; without effect, z = p, its state stays 0."""
+    b0, b1, a1 = section_coefficients(w, section)
+    out = b0 * u + state
+    return out, np.where(section[0] == section[1], 0.0, b1 * u - a1 * out)
 
 
 def notch(u, wn, memory, regulator):
-    """(output, new state 1, new state 2) of the notch."""
+    """(output, new state 1, new state 2) of the notch; without effect, zz = zp, its states stay 0."""
     b0, b1, b2, a2 = notch_coefficients(np.tan(0.5 * wn * regulator.Ts), regulator.zz, regulator.zp)
-    out = b0 * u + memory.notch_1
-    return out, b1 * u - b1 * out + memory.notch_2, b2 * u - a2 * out
+    out, absent = b0 * u + memory.notch_1, regulator.zz == regulator.zp
+    state_1 = np.where(absent, 0.0, b1 * u - b1 * out + memory.notch_2)
+    return out, state_1, np.where(absent, 0.0, b2 * u - a2 * out)
 
 
 def feed_forward(v_ref, regulator):
@@ -266,7 +275,7 @@ def regulate(reference, forward, measured, gains, memory, regulator):
     error = reference - m_f
     g = regulator.c * reference - m_f
     before = np.where(memory.running == 0.0, (regulator.c - 1.0) * m, memory.last)
-    derivative = (Tf * memory.derivative + g - before) / (Tf + Ts)
+    derivative = np.where(regulator.derives, (Tf * memory.derivative + g - before) / (Tf + Ts), 0.0)
     u = kp * (regulator.b * reference - m_f) + memory.integral + kd * derivative
     led, section_1, section_2 = lead_lag(u, wn, memory, regulator)
     notched, notch_1, notch_2 = notch(led, wn, memory, regulator)
@@ -276,37 +285,59 @@ def regulate(reference, forward, measured, gains, memory, regulator):
     raised = np.where(wanted < -1.0, -1.0, wanted)
     limited = np.where(raised > 1.0, 1.0, raised)
     x = inverse(limited, regulator)
-    integral = memory.integral + Ts * (ki * error + (limited - wanted) / ratio * regulator.tracking_rate)
-    return Memory(integral, derivative, g, notch_1, notch_2, x, section_1, section_2, m_f, 1.0)
+    gained = Ts * (ki * error + (limited - wanted) / ratio * regulator.tracking_rate)
+    integral = np.where(regulator.integrates, memory.integral + gained, 0.0)
+    last = np.where(regulator.derives, g, 0.0)
+    return Memory(integral, derivative, last, notch_1, notch_2, x, section_1, section_2, m_f, 1.0)
+
+
+def inputs_read(regulator):
+    """Names of the inputs that the law reads, in the order of (reference, v_ref, measured)."""
+    speed = () if regulator.position else ("v",)
+    return ("reference", "v_ref", *(("p_a", "p_b") if regulator.compensated else ()), *speed, "y")
 
 
 def is_sound(reference, v_ref, measured, regulator):
     """Whether every input that the law reads is finite."""
     p_a, p_b, v, y = measured
-    needed = reference + v_ref + y
-    if not regulator.position:
-        needed += v
-    if regulator.compensated:
-        needed += p_a + p_b
-    return np.isfinite(needed)
+    speed = np.isfinite(v) | regulator.position
+    pressures = (np.isfinite(p_a) & np.isfinite(p_b)) | (not regulator.compensated)
+    return np.isfinite(reference) & np.isfinite(v_ref) & np.isfinite(y) & speed & pressures
+
+
+def is_finite(memory):
+    """Whether the command and every state are finite."""
+    return (
+        np.isfinite(memory.integral)
+        & np.isfinite(memory.derivative)
+        & np.isfinite(memory.last)
+        & np.isfinite(memory.notch_1)
+        & np.isfinite(memory.notch_2)
+        & np.isfinite(memory.x)
+        & np.isfinite(memory.section_1)
+        & np.isfinite(memory.section_2)
+        & np.isfinite(memory.filtered)
+    )
 
 
 def sample(reference, v_ref, measured, memory, regulator):
-    """The whole law for one sample: lookup at (memory's x, y), then `regulate`. Returns the new memory.
+    """The whole law for one sample: lookup at (memory's x, y), then `regulate`. Returns the new memory, AT_REST after a fault.
 
     measured = (p_a, p_b, v, y); of the pressures only a compensation reads, of v only a velocity loop.
     """
     if not is_sound(reference, v_ref, measured, regulator):
         return AT_REST
     gains = gains_at(memory.x, measured[3], regulator)
-    return regulate(reference, feed_forward(v_ref, regulator), measured, gains, memory, regulator)
+    new = regulate(reference, feed_forward(v_ref, regulator), measured, gains, memory, regulator)
+    return new if is_finite(new) else AT_REST
 
 
 def start(x, reference, v_ref, measured, regulator):
     """The memory from which the next sample, with these inputs, gives the command x: a bumpless start, or change of schedule.
 
     x is clipped to [-1, 1]. Filters stand in their steady state. Without an integral nothing can hold x: its memory is 0, and the
-    command jumps to what the law asks for. With an input that is not finite the law starts from rest.
+    command jumps to what the law asks for. With an input that is not finite the law starts from rest; that a state is not is found
+    by the next sample.
     """
     if not (is_sound(reference, v_ref, measured, regulator) and np.isfinite(x)):
         return AT_REST
@@ -324,11 +355,12 @@ def start(x, reference, v_ref, measured, regulator):
     opening = opening / pressure_ratio(opening, y, p_a, p_b, regulator)
     proportional = kp * (regulator.b * reference - m)
     held = opening - feed_forward(v_ref, regulator) - proportional
-    integral = np.where(regulator.tracking_rate == 0.0, 0.0, held)
+    integral = np.where(regulator.integrates, held, 0.0)
     u = proportional + integral
     w = np.tan(0.5 * wn * regulator.Ts)
     _, _, b2, a2 = notch_coefficients(w, regulator.zz, regulator.zp)
     _, b1, a1 = section_coefficients(w, regulator.sections[0])
     _, d1, c1 = section_coefficients(w, regulator.sections[1])
     rest = (b2 - a2) * u
-    return Memory(integral, 0.0, regulator.c * reference - m, rest, rest, x, (b1 - a1) * u, (d1 - c1) * u, m, 1.0)
+    last = np.where(regulator.derives, regulator.c * reference - m, 0.0)
+    return Memory(integral, 0.0, last, rest, rest, x, (b1 - a1) * u, (d1 - c1) * u, m, 1.0)

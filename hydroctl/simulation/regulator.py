@@ -53,6 +53,8 @@ def regulator_of(schedule: GainSchedule) -> Regulator:
         zz=float(s.zz),
         zp=float(s.zp),
         sections=(*(tuple(map(float, section)) for section in s.sections), *_UNUSED_SECTIONS)[:2],
+        integrates=bool(np.any(s.ki)),
+        derives=bool(np.any(s.kd)),
         shaped=shaped,
         tracking_rate=1.0 / float(s.Tt) if np.any(s.ki) else 0.0,
         extend_slope=used / float(s.speed_gain_extend),
