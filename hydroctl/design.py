@@ -64,7 +64,7 @@ def design(
     family = stage("linearization", lambda: linearize(actuator, points))
     reduced = stage("reduction", lambda: reduce_order(family))
     model, poor_fits = stage("surfaces", lambda: _surfaces(reduced))
-    remarks = (*machine_remarks(actuator, openings, specification), *poor_fits)
+    remarks = (*machine_remarks(actuator, openings, y, specification), *poor_fits)
     common = {"loop": loop, "structure": structure, "specification": specification}
     schedule = stage("tuning", lambda: tune(actuator, x, y, **common))
     fixed = stage("fixed regulator", lambda: tune_fixed(actuator, x, y, **common))

@@ -102,8 +102,7 @@ _REASONS = (
     "|x| is within the dead band of {dead_band}, so the valve is closed. Take a larger |x|.",
     "the valve is closed, so leakage settles the pressures and the flow has no derivative there (at zero leakage every pair of "
     "pressures that holds the load is at rest). Take |x| >= 1e-4 with the sign of the side you need.",
-    "the load of {load} N is at or beyond the stall force of {stall} N in this direction. Lower the load or raise "
-    "supply_pressure.",
+    "the load of {load} N is at or beyond the stall force of {stall} N in this direction. Lower the load or raise supply_pressure.",
     "the piston is stuck: the {left} N that pressure and a load of {load} N leave at rest do not exceed breakaway_friction "
     "= {breakaway} N. Lower the load or raise supply_pressure.",
     "Newton's method did not converge. Check that the parameters are physical.",

@@ -1,4 +1,5 @@
-"""What a user should know of a machine beside the verdicts: pressures above its rating, a weight stated as a mere load."""
+"""What a user should know of a machine besides the verdicts: pressures above its rating, a weight stated as a mere load, a
+resonance that is sampled too slowly."""
 
 from __future__ import annotations
 
@@ -7,6 +8,8 @@ import math
 import numpy as np
 
 from .actuator import STANDARD_GRAVITY, Actuator
+from .characteristics import resonance
+from .linearization import linearize
 from .operating_point import find_operating_points
 from .specification import Specification, ranges, variants
 
@@ -14,10 +17,33 @@ _NEAR = 0.1
 """as a fraction of the weight: a load this near to it is taken for it"""
 
 
-def machine_remarks(actuator: Actuator, x, specification: Specification) -> tuple[str, ...]:
-    """The remarks on `actuator` at the openings x (n,) and on the plants of the specification."""
-    found = _rating_remark(actuator, x, specification), _weight_remark(actuator, specification)
+def machine_remarks(actuator: Actuator, x, y, specification: Specification) -> tuple[str, ...]:
+    """The remarks on `actuator` at the openings x (n,) by the positions y (m,) in m, and on the plants of the specification."""
+    found = (
+        _rating_remark(actuator, x, specification),
+        _weight_remark(actuator, specification),
+        _sampling_remark(actuator, x, y, specification),
+    )
     return tuple(remark for remark in found if remark)
+
+
+def _sampling_remark(actuator: Actuator, x, y, specification: Specification) -> str | None:
+    """The stiffest resonance, where it lies above half the sample rate."""
+    stiffest = []
+    for label, plant in variants(actuator, specification).items():
+        points = find_operating_points(plant, np.asarray(x)[:, None], y)
+        frequency = np.where(points.feasible, resonance(linearize(plant, points))[0], 0.0)
+        i, j = np.unravel_index(np.argmax(frequency), frequency.shape)
+        stiffest.append((float(frequency[i, j]), label, float(x[i]), float(y[j])))
+    omega, label, opening, position = max(stiffest)
+    if omega * specification.sample_time <= math.pi:
+        return None
+    return (
+        f"omega_n Ts reaches {omega * specification.sample_time:.3g}, above pi (omega_n = {omega:.4g} rad/s at x={opening:g}, "
+        f"y={position:g} m, {label} plant): the sampled loop shows this resonance at its alias below "
+        f"{math.pi / specification.sample_time:.4g} rad/s, where the margins count it. A scan time below "
+        f"{1e3 * math.pi / omega:.3g} ms avoids it."
+    )
 
 
 def _rating_remark(actuator: Actuator, x, specification: Specification) -> str | None:

@@ -214,15 +214,19 @@ class Machine(_Part):
 
     @model_validator(mode="after")
     def _units(self):
-        if faults := [unknown_name("parameter", name, PARAMETERS) for name in self.parameters if name not in PARAMETERS]:
-            raise ValueError(" ".join(faults))
+        _require_known(self.parameters)
         required = {name for name, spec in PARAMETERS.items() if spec.default is not None and name not in ADDED_LATER}
         if missing := sorted(required - set(self.parameters)):
             raise ValueError(f"parameter {', '.join(missing)} is missing")
-        for name, quantity in self.parameters.items():
-            if quantity.unit != (unit := PARAMETERS[name].metadata["unit"]):
-                raise ValueError(f"unit of {name} is {quantity.unit!r}, must be {unit!r}")
         return self
+
+
+def _require_known(parameters: dict[str, Quantity]) -> None:
+    if faults := [unknown_name("parameter", name, PARAMETERS) for name in parameters if name not in PARAMETERS]:
+        raise ValueError(" ".join(faults))
+    for name, quantity in parameters.items():
+        if quantity.unit != (unit := PARAMETERS[name].metadata["unit"]):
+            raise ValueError(f"unit of {name} is {quantity.unit!r}, must be {unit!r}")
 
 
 class Achieved(_Part):
@@ -241,6 +245,8 @@ class Margins(_Part):
     Ms: Achieved
     Mt: Achieved
     gain_margin: Achieved
+    gain_reduction_margin: Achieved | None = None
+    """left out of files that were written before it had a name"""
     phase_margin: Achieved
     delay_margin: Achieved
     crossover: Achieved
@@ -260,12 +266,16 @@ class Design(_Part):
     notch_ratio: Positive = 1.0
     """notch frequency over the natural frequency of the nominal plant, as designed; left out of the file where it is 1"""
     uncertainty: str | dict[str, tuple[Positive, Positive] | tuple[str, str]]
+    added_plants: list[dict[str, Quantity]] = []
+    """further plants on which the limits were imposed, what each differs by; left out of the file where there is none"""
     achieved: Margins
 
     @model_validator(mode="after")
     def _ordered(self):
         _require_ascending("design.x", self.x)
         _require_ascending("design.y", self.y)
+        for change in self.added_plants:
+            _require_known(change)
         return self
 
 

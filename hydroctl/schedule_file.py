@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import get_args
 
 import numpy as np
@@ -61,6 +62,7 @@ def document_of(schedule, failed_checks: tuple[str, ...]) -> schedule_document.D
         high_frequency_gain=_optional(d.Gain, specification.high_frequency_gain, units["kp"]),
         notch_ratio=float(specification.notch_ratio or 1.0),
         uncertainty=uncertainty if isinstance(uncertainty, str) else dict(uncertainty),
+        added_plants=[_quantities(change) for change in specification.added_plants],
         achieved=d.Margins(**{name: _achieved(schedule.margins.worst(name), unit) for name, unit in MARGIN_UNITS.items()}),
     )
     document = d.Document(
@@ -95,10 +97,14 @@ def _machine(actuator: Actuator) -> schedule_document.Machine:
         source=actuator.source,
         note=actuator.note,
         fingerprint=actuator.fingerprint(),
-        parameters={
-            name: schedule_document.Quantity(value=value, unit=PARAMETERS[name].metadata["unit"]) for name, value in given.items()
-        },
+        parameters=_quantities(given),
     )
+
+
+def _quantities(parameters: Mapping[str, float]) -> dict[str, schedule_document.Quantity]:
+    """Parameters of a machine with their units."""
+    quantity = schedule_document.Quantity
+    return {name: quantity(value=value, unit=PARAMETERS[name].metadata["unit"]) for name, value in parameters.items()}
 
 
 def _test_vectors(vectors: list[Vector], loop: str) -> schedule_document.TestVectors:
@@ -244,6 +250,7 @@ def _specification(document: schedule_document.Document) -> Specification:
         gain_margin=design.gain_margin,
         **{name: None if (limit := getattr(design, name)) is None else limit.value for name in _OPTIONAL_LIMITS},
         uncertainty=design.uncertainty,
+        added_plants=tuple({name: given.value for name, given in change.items()} for change in design.added_plants),
         Tf=controller.derivative_filter_time.value,
         **_notch(document),
         lead_lag=sections + Specification.lead_lag[len(sections) :],

@@ -16,6 +16,7 @@ _SHOWN = {
     "Ms": "Ms {:.3f}",
     "Mt": "Mt {:.3f}",
     "gain_margin": "gain margin {:.2f}",
+    "gain_reduction_margin": "gain reduction {:.3f}",
     "phase_margin": "phase margin {:.1f} deg",
     "delay_margin": "delay margin {:.2f} ms",
     "crossover": "crossover {:.1f} rad/s",
@@ -81,6 +82,8 @@ def _worst_points(design):
     yield "Worst margins at and between the design points (all of them: margins.csv)"
     for name, form in _SHOWN.items():
         worst = design.schedule.margins.worst(name)
+        if name == "gain_reduction_margin" and worst.value == 0.0:
+            continue
         yield f"  {form.format(worst.value * _SCALE.get(name, 1.0)):24s} at x={worst.x:g}, y={worst.y:g} m, {worst.variant}"
 
 

@@ -16,11 +16,10 @@ import numpy as np
 
 from .digits import EXACT, FEWEST, apart
 from .linearization import LinearFamily
-from .margins import Loop
+from .margins import WORST_AT_MOST, Loop
 from .schedule import GainSchedule, sampled_plants
 
-_UPPER_LIMITS = ("Ms", "Mt")
-_LIMITS = (*_UPPER_LIMITS, "disk_margin", "gain_margin", "phase_margin", "delay_margin", "crossover")
+_LIMITS = (*WORST_AT_MOST, "disk_margin", "gain_margin", "phase_margin", "delay_margin", "crossover")
 
 
 @dataclass(frozen=True)
@@ -92,7 +91,7 @@ def _poles(subject):
 def assert_margins(schedule: GainSchedule, **limits: float) -> None:
     """AssertionError unless every margin holds at the design points, half-way between them, and on every variant.
 
-    `Ms` and `Mt` are upper limits; `disk_margin`, `gain_margin` (factor), `phase_margin` (rad), `delay_margin` (s) and
+    `Ms`, `Mt` and `gain_reduction_margin` (factor) are upper limits; `disk_margin`, `gain_margin` (factor), `phase_margin` (rad), `delay_margin` (s) and
     `crossover` (rad/s) lower ones. Unstable loops always fail.
     """
     if unknown := sorted(set(limits) - set(_LIMITS)):
@@ -100,7 +99,7 @@ def assert_margins(schedule: GainSchedule, **limits: float) -> None:
     faults = [f"{schedule.margins.unstable} closed loops are unstable"] if schedule.margins.unstable else []
     for name, limit in limits.items():
         worst = schedule.margins.worst(name)
-        missing = worst.value - limit if name in _UPPER_LIMITS else limit - worst.value
+        missing = worst.value - limit if name in WORST_AT_MOST else limit - worst.value
         if not missing <= 0.0:
             where = f"x={worst.x:g}, y={worst.y:g} m, {worst.variant}"
             reached, allowed = apart(worst.value, limit)

@@ -8,9 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from .coupling import check_coupling
-from .margins import MARGIN_UNITS
+from .margins import MARGIN_UNITS, WORST_AT_MOST
 from .schedule import GainSchedule, WorstPoint
 from .schedule_document import GAIN_UNITS
+from .specification import box_of
+from .tuning.box import search_box
 from .tuning.limits import between_points
 from .validation import Verdict, failures
 
@@ -35,6 +37,7 @@ def margin_verdicts(schedule: GainSchedule) -> tuple[Verdict, ...]:
             if mask.any():
                 verdicts.append(_verdict(f"{name} {where} (specified {limit:g})", reason, margins.worst(name, where=mask), allowed))
     verdicts += _minimum_verdicts(schedule)
+    verdicts += _box_verdicts(schedule)
     if specification.high_frequency_gain is not None:
         verdicts.append(_high_frequency_verdict(schedule, specification.high_frequency_gain))
     k, i, j = np.unravel_index(np.argmin(margins.margins.stable), margins.margins.stable.shape)
@@ -57,6 +60,20 @@ def _coupling_verdict(schedule: GainSchedule) -> Verdict:
     count, name = float(coupled.unstable), "unstable loops with the slopes of the gains"
     place = f"x={x:g}, y={y:g} m"
     return Verdict(name, "", "poles of the linearized law that runs", 0.0, count, count == 0.0, place, variant)
+
+
+def _box_verdicts(schedule: GainSchedule):
+    """Every limit on the plants of the box that a search found worst, at and between the design points."""
+    specification = schedule.specification
+    if not box_of(schedule.actuator, specification.uncertainty):
+        return
+    between = between_points(specification)
+    for field, worst in search_box(schedule).worst.items():
+        limit, at_least = getattr(between, field), worst.margin not in WORST_AT_MOST
+        passed = bool(worst.value >= limit if at_least else worst.value <= limit)
+        title, unit = f"{worst.margin.replace('_', ' ')} on the whole box (searched)", MARGIN_UNITS[worst.margin].removeprefix("1")
+        reason, place = "the specification, with the allowance for interpolation", f"x={worst.x:g}, y={worst.y:g} m"
+        yield Verdict(title, unit, reason, limit, worst.value, passed, place, worst.variant, at_least=at_least)
 
 
 def _minimum_verdicts(schedule: GainSchedule):

@@ -102,7 +102,7 @@ def closed_poles(F, G, c, Ts, kp, ki, kd, Tf, notch=None):
         Cn, Dn, m = np.array([1.0, 0.0]), top[0], len(B)
         A = np.block([[A.reshape(m, m), np.zeros((m, 2))], [np.outer(Bn, C), An]])
         B, C, D = np.append(B, Bn * D), np.append(Dn * C, Cn), Dn * D
-    m, n = len(B), len(G)
+    m = len(B)
     loop = np.block([[A.reshape(m, m), -np.outer(B, c)], [np.outer(G, C), F - D * np.outer(G, c)]])
     return np.linalg.eigvals(loop)
 

@@ -2,13 +2,15 @@
 
 import json
 
+import numpy as np
 import pytest
 
 import hydroctl as hc
+from hydroctl.characteristics import resonance
 from hydroctl.remarks import machine_remarks
 
-OPENINGS = [-1.0, -0.1, 0.1, 1.0]
-CORNERS, NOMINAL = hc.Specification(), hc.Specification(uncertainty="nominal")
+OPENINGS, POSITIONS = [-1.0, -0.1, 0.1, 1.0], [0.1, 0.4]
+CORNERS, NOMINAL = hc.Specification(uncertainty="corners"), hc.Specification(uncertainty="nominal")
 
 
 def test_a_pressure_above_the_rating_names_the_worst_opening_and_plant(reference):
@@ -16,19 +18,19 @@ def test_a_pressure_above_the_rating_names_the_worst_opening_and_plant(reference
     plain = reference.replace(leakage=0.0, viscous_friction=0.0)
     ratio = plain.area_b / plain.area_a
     highest = 1.2 * plain.supply_pressure / (1.0 + ratio**3)
-    (remark,) = machine_remarks(plain.replace(pressure_rating=0.99 * highest), OPENINGS, CORNERS)
+    (remark,) = machine_remarks(plain.replace(pressure_rating=0.99 * highest), OPENINGS, POSITIONS, CORNERS)
     assert f"reaches {highest / 1e5:.4g} bar" in remark
     assert "supply_pressure +20 % plant" in remark
     assert f"pressure_rating = {0.99 * highest / 1e5:.4g} bar" in remark
-    assert machine_remarks(plain.replace(pressure_rating=1.01 * highest), OPENINGS, CORNERS) == ()
-    assert machine_remarks(plain.replace(pressure_rating=0.99 * highest), OPENINGS, NOMINAL) == ()
-    assert machine_remarks(plain, OPENINGS, CORNERS) == ()
+    assert machine_remarks(plain.replace(pressure_rating=1.01 * highest), OPENINGS, POSITIONS, CORNERS) == ()
+    assert machine_remarks(plain.replace(pressure_rating=0.99 * highest), OPENINGS, POSITIONS, NOMINAL) == ()
+    assert machine_remarks(plain, OPENINGS, POSITIONS, CORNERS) == ()
 
 
 @pytest.mark.parametrize(("factor", "angle"), [(1.0, "90"), (-1.0, "-90"), (1.09, "90"), (0.91, "90")])
 def test_a_load_near_the_weight_of_a_mass_that_varies_gets_a_word(reference, factor, angle):
     hanging = reference.replace(mass=3000.0, load_force=factor * 29420.0)
-    (remark,) = machine_remarks(hanging, OPENINGS, CORNERS)
+    (remark,) = machine_remarks(hanging, OPENINGS, POSITIONS, CORNERS)
     assert f'inclination = "{angle} deg"' in remark
     assert "29420 N" in remark
     rest = float(remark.split("and load_force = ")[1].removesuffix(" N."))
@@ -47,7 +49,7 @@ def test_a_load_near_the_weight_of_a_mass_that_varies_gets_a_word(reference, fac
     ],
 )
 def test_other_loads_get_none(reference, changes, specification):
-    assert machine_remarks(reference.replace(mass=3000.0, **changes), OPENINGS, specification) == ()
+    assert machine_remarks(reference.replace(mass=3000.0, **changes), OPENINGS, POSITIONS, specification) == ()
 
 
 def test_a_design_prints_the_remarks(command, reference, tmp_path):
@@ -62,3 +64,13 @@ def test_a_design_prints_the_remarks(command, reference, tmp_path):
     for text in (stdout, (tmp_path / "text" / "summary.txt").read_text()):
         assert rating in text
         assert weight in text
+
+
+def test_a_resonance_above_half_the_sample_rate_is_said_with_the_scan_time_that_avoids_it(reference):
+    points = hc.find_operating_points(reference, np.array(OPENINGS)[:, None], POSITIONS)
+    highest = resonance(hc.linearize(reference, points))[0].max()
+    slow, fast = (hc.Specification(uncertainty="nominal", sample_time=share * np.pi / highest) for share in (1.01, 0.99))
+    (remark,) = machine_remarks(reference, OPENINGS, POSITIONS, slow)
+    assert f"A scan time below {1e3 * np.pi / highest:.3g} ms avoids it" in remark
+    assert "3.17, above pi" in remark
+    assert machine_remarks(reference, OPENINGS, POSITIONS, fast) == ()

@@ -39,8 +39,7 @@ def explorer_data(schedules: Mapping[str, GainSchedule]) -> dict:
         "units": GAIN_UNITS[leading.loop],
         "limits": {"Ms": specification.Ms, "Mt": specification.Mt},
         "plants": [
-            {"label": label} | _plant_table(machine, openings)
-            for label, machine in variants(actuator, specification).items()
+            {"label": label} | _plant_table(machine, openings) for label, machine in variants(actuator, specification).items()
         ],
         "regulators": [{"label": label} | _regulator(schedule) for label, schedule in schedules.items()],
     }

@@ -34,6 +34,7 @@ _MARGIN_NAMES = {
     "Ms": "Ms, largest sensitivity",
     "Mt": "Mt, largest complementary sensitivity",
     "gain_margin": "gain margin",
+    "gain_reduction_margin": "gain reduction margin (0: no smaller gain brings L to -1)",
     "phase_margin": "phase margin",
     "delay_margin": "delay margin",
     "crossover": "crossover",

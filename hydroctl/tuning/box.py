@@ -172,9 +172,9 @@ class _Search:
 
     def point(self, name: str, found: _Place) -> WorstPoint:
         """The margin of limit `name` at the place that was found."""
-        margins = analyse(self.loops(found.plant[None], [found.i], [found.j]))
-        value = getattr(margins, _MARGINS.get(name, name)).item()
-        return WorstPoint(name, value, self.label(found.plant), float(self.x[found.i]), float(self.y[found.j]))
+        margin = _MARGINS.get(name, name)
+        value = getattr(analyse(self.loops(found.plant[None], [found.i], [found.j])), margin).item()
+        return WorstPoint(margin, value, self.label(found.plant), float(self.x[found.i]), float(self.y[found.j]))
 
 
 @dataclass(frozen=True, eq=False)
