@@ -17,9 +17,10 @@ import numpy as np
 
 from ..errors import InputError
 from ..frequency import frequency_grid
-from ..margins import Loop, analyse
+from ..margins import Loop, analyse, peaks
 from ..schedule import GainSchedule, WorstPoint, sampled, with_midpoints
 from ..specification import box_of, variant_label
+from .limits import ALLOWANCE
 
 _SAMPLE = 64
 _COLUMNS = 9
@@ -29,7 +30,7 @@ _FIRST_STEP, _LAST_STEP = 0.125, 0.01
 """of the climb, in widths of the box"""
 _BATCH = 1e7
 """values of a loop that are held at once"""
-_TOLERATED = 0.004, 0.016
+_TOLERATED = 0.2 * ALLOWANCE, 0.85 * ALLOWANCE
 """by how much a limit may be missed at the design points, and between them, before a plant counts as worse"""
 _AT_ONCE = 4
 """plants that one search offers"""
@@ -37,7 +38,6 @@ _COVERED = 0.7
 """part of the excess at a place that a plant must have there to stand for the worst one"""
 _FREQUENCIES = 60
 """logarithmic ones of the sample, beside those about the modes"""
-_PEAKS = ("Ms", "Mt")
 _MARGINS = {"min_crossover": "crossover"}
 """the margins that limits of another name limit"""
 _EXCESS = {
@@ -96,6 +96,7 @@ class _Search:
         self.tolerated = np.where(designed, *_TOLERATED)
         stated = {name: getattr(schedule.specification, name) for name in _EXCESS}
         self.limits = {name: limit for name, limit in stated.items() if limit is not None}
+        self.only_peaks = set(self.limits) <= {"Ms", "Mt"}
         self.columns = np.unique(np.linspace(0, y.size - 1, _COLUMNS).round().astype(int))
 
     def result(self) -> BoxSearch:
@@ -115,7 +116,7 @@ class _Search:
         while left.max() > 0.0 and len(worse) < _AT_ONCE:
             at = _argmax(left)
             plant = climbed(*at).plant
-            worse.append(self.change(plant))
+            worse += [change for change in [self.change(plant)] if change not in worse]
             left[self.screened(plant[None])[:, 0] >= _COVERED * left] = -np.inf
             left[at] = -np.inf
         return BoxSearch(worst, tuple(worse))
@@ -140,9 +141,11 @@ class _Search:
 
     def exact(self, plants: np.ndarray, rows: list[int], columns: list[int]) -> np.ndarray:
         """(limits, plants, rows, columns) excesses; infinite where the loop is unstable."""
-        found = analyse(self.loops(plants, rows, columns))
+        loops = self.loops(plants, rows, columns)
+        found = _refined(loops) if self.only_peaks else analyse(loops)
         missed = np.stack([_EXCESS[name](found, limit) for name, limit in self.limits.items()])
-        return np.where(found.stable, missed, np.inf) - self.tolerated[np.ix_(rows, columns)]
+        stable = np.abs(loops.poles()).max(axis=-1) < 1.0
+        return np.where(stable, missed, np.inf) - self.tolerated[np.ix_(rows, columns)]
 
     def screened(self, plants: np.ndarray) -> np.ndarray:
         """(limits, plants, mx, columns) excesses at some columns; of Ms and Mt on a grid of frequencies."""
@@ -153,7 +156,7 @@ class _Search:
         return np.concatenate(found, axis=1) - self.tolerated[:, self.columns]
 
     def _screened(self, loops: Loop) -> np.ndarray:
-        found = _on_grid(loops) if set(self.limits) <= set(_PEAKS) else analyse(loops)
+        found = _on_grid(loops) if self.only_peaks else analyse(loops)
         return np.stack([_EXCESS[name](found, limit) for name, limit in self.limits.items()])
 
     def loops(self, plants: np.ndarray, rows, columns) -> Loop:
@@ -181,6 +184,12 @@ class _Search:
 class _Peaks:
     Ms: np.ndarray
     Mt: np.ndarray
+
+
+def _refined(loops: Loop) -> _Peaks:
+    """Ms and Mt."""
+    values, _ = peaks(loops, [lambda L: 1.0 / np.abs(1.0 + L), lambda L: np.abs(L / (1.0 + L))])
+    return _Peaks(values[..., 0], values[..., 1])
 
 
 def _on_grid(loops: Loop) -> _Peaks:
