@@ -267,6 +267,18 @@ def test_time_constant_of_the_machine_comes_from_its_hydraulic_mode():
     assert scale.speed(1.0) == pytest.approx(0.151457632, rel=1e-8)
 
 
+@pytest.mark.parametrize("name", ["reference", "differential_100_56"])
+def test_a_machine_is_asked_for_steps_and_times_of_its_own_size(name):
+    """40 or 80 of its time constants; a third of the lower speed, or 2 % of the stroke."""
+    machine = hc.load_actuator(name)
+    points = hc.find_operating_points(machine, [-1.0, 1.0], machine.stroke / 2.0)
+    speed, position = (scale_of(machine, loop) for loop in ("velocity", "position"))
+    assert speed.settling == pytest.approx(40.0 * speed.time_constant, rel=1e-12)
+    assert position.settling == pytest.approx(80.0 * speed.time_constant, rel=1e-12)
+    assert speed.step == pytest.approx(np.abs(points.v).min() / 3.0, rel=1e-9)
+    assert position.step == pytest.approx(0.02 * machine.stroke, rel=1e-12)
+
+
 def test_sound_loops_meet_every_requirement_on_the_nominal_machine_and_its_corners():
     for loop in ("velocity", "position"):
         gains = {
