@@ -76,11 +76,13 @@ def closed_loop(schedules, samples: int, seed: int = 1):
     """(operations (n, 9), x (n,)): what happened in a closed loop of the plant in Python, and the law's answers.
 
     A row: STEP, RESET or START; which schedule; x of a START; reference, v_ref, p_a, p_b, v, y. A START is followed by a step
-    with the same inputs. Every input is a number of single precision, which every target can read.
+    with the same inputs; its x may lie beyond the limits. Now and then an input that the law reads is
+    not finite. Every input is a number of single precision, which every target can read.
     """
     rng = np.random.default_rng(seed)
     actuator, loop = schedules[0].actuator, schedules[0].loop
     regulators = [law_of(schedule) for schedule in schedules]
+    read = [0, 1, 5] + [4] * (loop == "velocity") + [2, 3] * (schedules[0].pressure_drops is not None)
     p = plant.parameters(actuator)
     z, which, memory = tuple(hc.rest_state(actuator, 0.25)), 0, law.AT_REST
     size, target, v_ref, load = (0.1, 0.0, 0.0, 0.0) if loop == "velocity" else (0.004, 0.0, 0.0, 0.0)
@@ -93,7 +95,7 @@ def closed_loop(schedules, samples: int, seed: int = 1):
         reference = target * (1.0 if 0.05 < z[3] < 0.45 else -np.sign(target * (z[3] - 0.25))) if loop == "velocity" else y_target
         inputs = np.array([reference, v_ref, *z[:4]])
         if rng.random() < 0.01:
-            inputs[rng.choice([0, 1, 5])] = rng.choice([np.nan, np.inf, -np.inf])
+            inputs[rng.choice(read)] = rng.choice([np.nan, np.inf, -np.inf])
         inputs = inputs.astype(np.float32).tolist()
         event = rng.random()
         if event < 0.005:
@@ -101,12 +103,12 @@ def closed_loop(schedules, samples: int, seed: int = 1):
             memory = law.AT_REST
             answers.append(0.0)
         elif event < 0.015 and np.isfinite(inputs).all():
-            start = float(np.float32(rng.uniform(-1.0, 1.0)))
+            start = float(np.float32(rng.uniform(-1.3, 1.3)))
             if event < 0.01:
                 which, start = 1 - which, float(np.float32(memory.x))
             rows.append([START, which, start, *inputs])
             memory = law.start(start, inputs[0], inputs[1], inputs[2:], regulators[which])
-            answers.append(start)
+            answers.append(float(memory.x))
         rows.append([STEP, which, 0.0, *inputs])
         memory = law.sample(inputs[0], inputs[1], inputs[2:], memory, regulators[which])
         answers.append(float(memory.x))
