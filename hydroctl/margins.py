@@ -261,8 +261,8 @@ def _peak(loop, omega, L, function, floor=-np.inf):
     row, rival = np.nonzero(np.take_along_axis(height, rank, axis=-1) > -np.inf)
     if row.size:
         some, centre = loop.take(row), omega[row, rank[row, rival] + 1]
-        below = np.where(omega[row] < (1.0 - _SAME) * centre[:, None], omega[row], 0.0).max(axis=1)
-        above = np.where(omega[row] > (1.0 + _SAME) * centre[:, None], omega[row], np.inf).min(axis=1)
+        below = np.where(omega[row] < (1.0 - _SAME) * centre[:, None], omega[row], omega[row, :1]).max(axis=1)
+        above = np.where(omega[row] > (1.0 + _SAME) * centre[:, None], omega[row], omega[row, -1:]).min(axis=1)
 
         def negative(w, index):
             return -function(some.take(index.astype(int)).frequency_response(w[:, None])[:, 0])

@@ -17,6 +17,7 @@ from hydroctl.validation import (
     Metrics,
     compare,
     contact_scenarios,
+    default_requirements,
     library,
     measure,
     rivals,
@@ -25,6 +26,7 @@ from hydroctl.validation import (
     tracking_scenarios,
     validate,
 )
+from hydroctl.validation.verdict import judge
 
 ACTUATOR = hc.load_actuator("reference")
 

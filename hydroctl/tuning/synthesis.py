@@ -22,7 +22,7 @@ from .task import Task, task_of
 
 _WINDUP_SHARE, _LEAST_WINDUP_SAMPLES = 0.25, 10
 _DENSER = 9
-_DENSE = 0.75
+_DENSE = 0.5
 """share of what is allowed between the points, beyond which they become denser; the rest is left to other plants"""
 _SEARCHES = 12
 _FEW = 4
