@@ -148,3 +148,61 @@ def test_the_roundings_of_an_integral_add_up_from_sample_to_sample():
     assert few > 10.0 * one
     proportional = law_of(exported("position", "p"))
     assert precision.bound(proportional, 10_000, 0.5) == pytest.approx(precision.bound(proportional, 1, 0.5), rel=1e-12)
+
+
+def tried(regulator):
+    """(memory, inputs) of samples between nodes, where the law has a derivative."""
+    rng = np.random.default_rng(6)
+    inputs = (0.2101 if regulator.position else 0.21, 0.03, 1.2e7, 0.9e7, 0.2, 0.21)
+    for x in (-0.6, -0.3, 0.4, 0.7):
+        started = np.array(law.start(x, *inputs[:2], inputs[2:], regulator), dtype=float)
+        moved = started + np.where(started == 0.0, 0.0, 1e-4) * rng.standard_normal(started.size)
+        yield law.Memory(*moved.tolist())._replace(x=x, running=1.0), inputs
+
+
+def linear(memory, inputs, regulator, input_error):
+    arrays = law.Memory(*map(np.atleast_1d, memory[:-1]), 1.0), tuple(map(np.atleast_1d, inputs))
+    return precision.linear_sample(*arrays, regulator, np.array([input_error]))
+
+
+def slope(function, value, step):
+    return (function(value + step) - function(value - step)) / (2.0 * step)
+
+
+def states_in_use(regulator):
+    states = {"x": True, "integral": regulator.integrates, "derivative": regulator.derives, "last": regulator.derives}
+    states |= dict.fromkeys(("notch_1", "notch_2"), regulator.zz != regulator.zp) | {"filtered": regulator.Tm != 0.0}
+    states |= {f"section_{k + 1}": zero != pole for k, (zero, pole) in enumerate(regulator.sections)}
+    return [name for name, use in states.items() if use]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_a_memory_does_to_the_next_is_the_derivative_of_the_law(case):
+    regulator = law_of(exported(**CASES[case]))
+    for memory, inputs in tried(regulator):
+        found = linear(memory, inputs, regulator, 0.0).by_memory[0]
+        for name in states_in_use(regulator):
+
+            def after(value, name=name, memory=memory, inputs=inputs):
+                changed = memory._replace(**{name: value})
+                return np.array(law.sample(*inputs[:2], inputs[2:], changed, regulator)[:-1], dtype=float)
+
+            expected = slope(after, getattr(memory, name), 1e-6)
+            assert found[:, law.Memory._fields.index(name)] == pytest.approx(expected, rel=1e-5, abs=1e-6), name
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_the_rounding_of_an_input_does_is_the_derivative_of_the_law(case):
+    regulator = law_of(exported(**CASES[case]))
+    for memory, inputs in tried(regulator):
+        rounded, exact = (linear(memory, inputs, regulator, error).by_rounding[0] for error in (1.0, 0.0))
+        found = np.abs(rounded - exact)[law.Memory._fields.index("x")].sum()
+        expected = 0.0
+        for k, given in enumerate(inputs):
+
+            def command(value, k=k, memory=memory, inputs=inputs):
+                changed = (*inputs[:k], value, *inputs[k + 1 :])
+                return float(law.sample(*changed[:2], changed[2:], memory, regulator).x)
+
+            expected += abs(given * slope(command, given, 1e-7 * given))
+        assert found == pytest.approx(expected, rel=1e-4)

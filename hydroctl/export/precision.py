@@ -116,7 +116,7 @@ def _is_exact(ufunc, inputs) -> bool:
     return ufunc in (np.add, np.subtract) and any((np.asarray(value) == 0.0).all() for value in plain)
 
 
-class _Sample(NamedTuple):
+class Sample(NamedTuple):
     """A new memory, values (n,), and what the memory before it (n, 9, 9) and each rounding (n, 9, roundings) does to it."""
 
     memory: law.Memory
@@ -161,7 +161,7 @@ def bound(regulator: law.Regulator, samples: int, extent: float) -> float:
 
     def sample(error, input_error):
         inputs = (measured + error, np.zeros(x.shape), *_design_pressures(x, regulator), measured, y)
-        return _stepped(_started(x, inputs, regulator).memory, inputs, regulator, np.full(x.shape, input_error))
+        return linear_sample(_started(x, inputs, regulator).memory, inputs, regulator, np.full(x.shape, input_error))
 
     exact = sample(error, 0.0).by_rounding
     by_inputs = np.abs(sample(error, UNIT).by_rounding - exact)[:, _X].sum(axis=1)
@@ -180,7 +180,7 @@ def tolerances(regulator: law.Regulator, vectors: list[Vector]) -> list[float]:
             if vector.start is not None:
                 started = _started(np.array([vector.start]), inputs, regulator)
                 memory, effects = started.memory, started.by_rounding[0]
-            one = _stepped(memory, inputs, regulator, np.zeros(1))
+            one = linear_sample(memory, inputs, regulator, np.zeros(1))
             memory, effects = one.memory, np.concatenate([one.by_memory[0] @ effects, one.by_rounding[0]], axis=1)
         found.append(float(np.abs(effects[_X]).sum()) + UNIT)
     return found
@@ -209,7 +209,7 @@ def _accumulated(by_memory: np.ndarray, by_rounding: np.ndarray, samples: int) -
     return total
 
 
-def _started(x: np.ndarray, inputs, regulator: law.Regulator) -> _Sample:
+def _started(x: np.ndarray, inputs, regulator: law.Regulator) -> Sample:
     """A start at the commands x; nothing before it matters."""
     roundings = _Roundings(x.size)
     reference, v_ref, *measured = inputs
@@ -220,8 +220,8 @@ def _started(x: np.ndarray, inputs, regulator: law.Regulator) -> _Sample:
     return _followed(new, roundings)
 
 
-def _stepped(memory: law.Memory, inputs, regulator: law.Regulator, input_error: np.ndarray) -> _Sample:
-    """A sample; `input_error` (n,): the relative error of its inputs."""
+def linear_sample(memory: law.Memory, inputs, regulator: law.Regulator, input_error: np.ndarray) -> Sample:
+    """A sample of the law; `input_error` (n,): the relative error of its inputs, rows as in `law.Memory` and arrays (n,)."""
     roundings = _Roundings(input_error.size)
     written, remembered = roundings.written(regulator), roundings.remembered(memory)
     reference, v_ref, *measured = (roundings.rounded(value, input_error * np.abs(value)) for value in inputs)
@@ -246,10 +246,10 @@ def _regulate(regulator: law.Regulator):
     return FunctionType(law.regulate.__code__, vars(law) | absent)
 
 
-def _followed(new: law.Memory, roundings: _Roundings) -> _Sample:
+def _followed(new: law.Memory, roundings: _Roundings) -> Sample:
     effects = np.stack([np.broadcast_to(_effects(value), roundings.shape) for value in new[:-1]]).transpose(2, 0, 1)
     values = law.Memory(*(np.broadcast_to(_value(value), roundings.shape[1:]) for value in new[:-1]), new.running)
-    return _Sample(values, effects[..., : len(_STATES)], effects[..., len(_STATES) : roundings.count])
+    return Sample(values, effects[..., : len(_STATES)], effects[..., len(_STATES) : roundings.count])
 
 
 class _LookedUp(NamedTuple):

@@ -336,8 +336,8 @@ def start(x, reference, v_ref, measured, regulator):
     """The memory from which the next sample, with these inputs, gives the command x: a bumpless start, or change of schedule.
 
     x is clipped to [-1, 1]. Filters stand in their steady state. Without an integral nothing can hold x: its memory is 0, and the
-    command jumps to what the law asks for. With an input that is not finite the law starts from rest; that a state is not is found
-    by the next sample.
+    command jumps to what the law asks for. With an input that is not finite the law starts from rest. A state that is not finite
+    is left for the next sample to find.
     """
     if not (is_sound(reference, v_ref, measured, regulator) and np.isfinite(x)):
         return AT_REST
