@@ -1,9 +1,10 @@
 """By how much the law in single precision may differ from that in double.
 
-The law itself runs here on numbers that carry, beside their value, the effect on it of every rounding so far, to first order: of
-the constants and tables as written, of the inputs, of each operation. What the roundings of a sample do to the memory is then
-followed through later samples by the law's own derivatives. Each rounding counts as the largest possible and all as of the worst
-signs: what is seen is commonly a hundredth of that.
+The law itself runs here on numbers that carry, beside their value, the effect on it of every rounding
+so far, to first order: of the constants and tables as written, of the inputs, of each operation. What
+the roundings of a sample do to the memory is then followed through later samples by the law's own
+derivatives. Each rounding counts as the largest possible and all as of the worst signs: what is seen
+is commonly a hundredth of that.
 """
 
 from __future__ import annotations
@@ -128,9 +129,10 @@ def statement(contents: Contents) -> list[str]:
     """What the exported file says of it, in lines."""
     one, many = (_rounded_up(stated_bound(contents, samples)) for samples in (1, SAMPLES))
     return [
-        f"Single precision differs from double by at most {one} of full scale through the roundings of one sample",
-        f"and {many} through those of {SAMPLES} without a start, all taken at their worst; commonly by a hundredth of that.",
-        "The inputs' own rounding, 6e-8 of their size, counts once: it acts like an error of the sensors.",
+        f"Single precision differs from double by at most {one} of full scale through the roundings",
+        f"of one sample, and {many} through those of {SAMPLES} without a start, all at their worst;",
+        "commonly by a hundredth of that. The inputs' own rounding, 6e-8 of their size, counts once:",
+        "it acts like an error of the sensors.",
     ]
 
 
@@ -150,9 +152,10 @@ def _rounded_up(value: float) -> str:
 def bound(regulator: law.Regulator, samples: int, extent: float) -> float:
     """The largest difference of x after so many samples, at any node of the tables.
 
-    It adds up what each sample does to a steady motion with the command of the node, when its roundings are those with the
-    proportional part as large as the command, and against it. The reference and what is measured, in units of the loop, are at most
-    of the size `extent` (position: y is the node's). The inputs' own rounding counts once: it acts like an error of the sensors.
+    It adds up what each sample does to a steady motion with the command of the node, when its
+    roundings are those with the proportional part as large as the command, and against it. The
+    reference and what is measured, in units of the loop, are at most of the size `extent` (position:
+    y is the node's). The inputs' own rounding counts once: it acts like an error of the sensors.
     """
     x, y = (nodes.ravel() for nodes in np.meshgrid(_INSIDE * regulator.x, regulator.y, indexing="ij"))
     kp = law.gains_at(x, y, regulator)[0]
@@ -221,7 +224,7 @@ def _started(x: np.ndarray, inputs, regulator: law.Regulator) -> Sample:
 
 
 def linear_sample(memory: law.Memory, inputs, regulator: law.Regulator, input_error: np.ndarray) -> Sample:
-    """A sample of the law; `input_error` (n,): the relative error of its inputs, rows as in `law.Memory` and arrays (n,)."""
+    """A sample of the law at n points; all arrays are (n,). `input_error`: the relative error of the inputs."""
     roundings = _Roundings(input_error.size)
     written, remembered = roundings.written(regulator), roundings.remembered(memory)
     reference, v_ref, *measured = (roundings.rounded(value, input_error * np.abs(value)) for value in inputs)
