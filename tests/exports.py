@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -55,6 +56,27 @@ def exported(loop="velocity", structure="pi+notch", *, scale=1.0, actuator=REFER
     )
 
 
+def fitted(machine: str, loop: str, structure: str, **settings) -> GainSchedule:
+    """`exported` for a shipped machine, with nodes, speeds and gains of its own size."""
+    actuator = hc.load_actuator(machine)
+    given = exported(loop, structure, actuator=actuator, **settings)
+    p, y = plant.parameters(actuator), actuator.stroke * np.array([0.0, 0.4, 1.0])
+    middle = 0.5 * actuator.stroke
+    stiffness = p.area_a**2 / (p.volume_a + p.area_a * middle) + p.area_b**2 / (p.volume_b - p.area_b * middle)
+    frequency = np.sqrt(p.bulk_modulus * stiffness / actuator.mass)
+    retract, extend = np.abs(hc.find_operating_points(actuator, [-1.0, 1.0], middle).v)
+    faster = (0.1 * frequency if loop == "position" else 0.12) / retract / given.kp[0, 0]
+    return replace(
+        given,
+        y=y,
+        design_y=y,
+        **{name: faster * getattr(given, name) for name in ("kp", "ki", "kd")},
+        notch_frequency=given.notch_frequency / given.notch_frequency[0, 0] * min(frequency, 0.8 / given.Ts),
+        speed_gain_extend=float(extend),
+        speed_gain_retract=float(retract),
+    )
+
+
 FULL = {
     "measurement_filter": 3e-4,
     "set_point_weight": 0.9,
@@ -84,15 +106,18 @@ def closed_loop(schedules, samples: int, seed: int = 1):
     regulators = [law_of(schedule) for schedule in schedules]
     read = [0, 1, 5] + [4] * (loop == "velocity") + [2, 3] * (schedules[0].pressure_drops is not None)
     p = plant.parameters(actuator)
-    z, which, memory = tuple(hc.rest_state(actuator, 0.25)), 0, law.AT_REST
-    size, target, v_ref, load = (0.1, 0.0, 0.0, 0.0) if loop == "velocity" else (0.004, 0.0, 0.0, 0.0)
+    stroke, speed, force = actuator.stroke, schedules[0].speed_gain_retract, 0.1 * actuator.area_b * actuator.supply_pressure
+    lowest, highest = 0.1 * stroke, 0.9 * stroke
+    z, which, memory = tuple(hc.rest_state(actuator, 0.5 * stroke)), 0, law.AT_REST
+    size, target, v_ref, load = 0.7 * speed if loop == "velocity" else 0.008 * stroke, 0.0, 0.0, 0.0
     rows, answers = [], []
     for k in range(samples):
         if k % 40 == 0:
             target = size * rng.choice([0.2, 1.0, 3.0]) * rng.uniform(-1.0, 1.0)
-            v_ref, load = rng.choice([0.0, 0.05]) * rng.uniform(-1.0, 1.0), 1e5 * rng.uniform(-1.0, 1.0)
-        y_target = min(max(z[3] + target, 0.05), 0.45)
-        reference = target * (1.0 if 0.05 < z[3] < 0.45 else -np.sign(target * (z[3] - 0.25))) if loop == "velocity" else y_target
+            v_ref, load = rng.choice([0.0, 0.35 * speed]) * rng.uniform(-1.0, 1.0), force * rng.uniform(-1.0, 1.0)
+        y_target = min(max(z[3] + target, lowest), highest)
+        inward = 1.0 if lowest < z[3] < highest else -np.sign(target * (z[3] - 0.5 * stroke))
+        reference = target * inward if loop == "velocity" else y_target
         inputs = np.array([reference, v_ref, *z[:4]])
         if rng.random() < 0.01:
             inputs[rng.choice(read)] = rng.choice([np.nan, np.inf, -np.inf])
