@@ -7,7 +7,7 @@ import pytest
 import hydroctl as hc
 from hydroctl.schedule import check_margins
 
-NOMINAL = hc.Specification(uncertainty="nominal")
+NOMINAL, CORNERS = (hc.Specification(uncertainty=name) for name in ("nominal", "corners"))
 QUICK = hc.Specification(uncertainty="nominal", sample_time=2e-5, Tf=1e-5, Ms=2.0, Mt=1.6)
 """so quick a regulator that the plant is nearly the model of the formulas"""
 
