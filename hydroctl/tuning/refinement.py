@@ -98,9 +98,7 @@ def exact_gains(problem: Problem, start: np.ndarray) -> np.ndarray:
     for _ in range(_ROUNDS):
         demands = problem.demands(omega, windows)
         outside = retreat(demands, problem.mix, gains, find_safe)
-        if np.allclose(outside, gains, rtol=_NEAR):
-            demands = demands.tightest(problem.mix @ outside)
-        gains = largest_gains(demands, problem.mix, outside, task.objective, problem.worth)
+        gains = _larger(problem, demands, outside, seen=np.allclose(outside, gains, rtol=_NEAR))
         found = _shortfalls(problem.loops(gains), limits_of(task.specification), omega)
         if all((shortfall.worst <= _TOLERANCE[name]).all() for name, shortfall in found.items()):
             break
@@ -110,6 +108,17 @@ def exact_gains(problem: Problem, start: np.ndarray) -> np.ndarray:
         omega = np.sort(np.concatenate([omega, *worst, *more], axis=-1), axis=-1)
     _require_kept(problem, gains, found)
     return gains
+
+
+def _larger(problem: Problem, demands: Demands, gains: np.ndarray, *, seen: bool) -> np.ndarray:
+    """(N, t): the largest gains from `gains`, of which `seen` says that near them the critical frequencies are known: then they
+    are found on the tightest rows, unless they come out so far away that other rows may count there."""
+    mix, objective, worth = problem.mix, problem.task.objective, problem.worth
+    if seen:
+        found = largest_gains(demands.tightest(mix @ gains), mix, gains, objective, worth)
+        if np.allclose(found, gains, rtol=_NEAR):
+            return found
+    return largest_gains(demands, mix, gains, objective, worth)
 
 
 def _safe(problem: Problem, omega: np.ndarray) -> np.ndarray:
