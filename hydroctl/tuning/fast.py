@@ -27,7 +27,7 @@ from ..schedule import GainSchedule
 from ..specification import Specification
 from .limits import limits_of, phrase
 from .refinement import broken
-from .synthesis import assemble_schedule
+from .synthesis import assemble_schedule, on_the_whole_box
 from .task import Task, task_of
 
 METHODS = ("imc", "pole-placement")
@@ -67,11 +67,22 @@ def tune_fast(
     placed miss a limit on the sampled plants, or where IMC meets none, however slow.
     """
     _require(method, loop, bandwidth)
-    task = task_of(actuator, x, y, loop, "pid" if loop == "velocity" else "p+notch", specification)
-    reduced = reduce_order(linearize(actuator, find_operating_points(actuator, task.x[:, None], task.y)))
+    made: list[FastTuning] = []
+
+    def make(task: Task) -> GainSchedule:
+        made.append(_tuned(task, method, bandwidth))
+        return made[-1].schedule
+
+    on_the_whole_box(task_of(actuator, x, y, loop, "pid" if loop == "velocity" else "p+notch", specification), make, make)
+    return made[-1]
+
+
+def _tuned(task: Task, method: str, bandwidth: float | None) -> FastTuning:
+    """The regulators of the task, held to its limits at its points and on its plants."""
+    reduced = reduce_order(linearize(task.actuator, find_operating_points(task.actuator, task.x[:, None], task.y)))
     default = _default_bandwidth(method, reduced, task.specification)
     wanted = np.broadcast_to(default if bandwidth is None else bandwidth, reduced.shape)
-    placed, reached = _regulators(method, loop, reduced, wanted, task.specification), wanted
+    placed, reached = _regulators(method, task.loop, reduced, wanted, task.specification), wanted
     if method == "imc":
         share = _slow_down(task, placed)
         placed, reached = _scaled(placed, share), share * wanted
