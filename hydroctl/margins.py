@@ -39,6 +39,8 @@ _REAL = 1e-9
 """relative imaginary part up to which L at the end of the frequencies is real"""
 _RIVALS = 3
 """how many of the largest peaks on the grid are refined"""
+_SAME = 1e-9
+"""relative distance from which two frequencies of a grid are two"""
 _PEAK_WIDTH = 1e-5
 """relative frequency to which a peak is found; its height is then known to about the square"""
 
@@ -264,8 +266,8 @@ def _peak(loop, omega, L, function, floor=-np.inf):
     row, rival = np.nonzero(np.take_along_axis(height, rank, axis=-1) > -np.inf)
     if row.size:
         some, centre = loop.take(row), omega[row, rank[row, rival] + 1]
-        below = np.where(omega[row] < centre[:, None], omega[row], 0.0).max(axis=1)
-        above = np.where(omega[row] > centre[:, None], omega[row], np.inf).min(axis=1)
+        below = np.where(omega[row] < (1.0 - _SAME) * centre[:, None], omega[row], omega[row, :1]).max(axis=1)
+        above = np.where(omega[row] > (1.0 + _SAME) * centre[:, None], omega[row], omega[row, -1:]).min(axis=1)
 
         def negative(w, index):
             return -function(some.take(index.astype(int)).frequency_response(w[:, None])[:, 0])

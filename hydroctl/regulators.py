@@ -90,21 +90,21 @@ class Regulators:
 
     def frequency_response(self, omega) -> np.ndarray:
         """(..., n) complex C at omega in rad/s: one row for all regulators, or a row for each."""
-        gains = np.stack(np.broadcast_arrays(self.kp, self.ki, self.kd), axis=-1)
-        return np.einsum("...nt,...t->...n", self.terms(omega), gains)
-
-    @property
-    def nyquist_gain(self) -> np.ndarray:
-        """(...) |C| at the Nyquist frequency, in the unit of kp: what noise from sample to sample is multiplied by."""
-        return np.abs(self.frequency_response([np.pi / self.sample_time]))[..., 0]
+        z = np.exp(1j * np.asarray(omega, dtype=float) * self.sample_time)
+        gains = (np.asarray(gain)[..., None] for gain in (self.kp, self.ki, self.kd))
+        parts = [gain * part for gain, part in zip(gains, self._parts(z), strict=True) if np.any(gain)]
+        return sum(parts, np.zeros(1)) * self._filter_response(z)
 
     def terms(self, omega) -> np.ndarray:
         """(..., n, 3) complex: what kp, ki and kd multiply; sections, notch and filter included."""
         z = np.exp(1j * np.asarray(omega, dtype=float) * self.sample_time)
-        integral = self.sample_time / (z - 1.0)
-        derivative = (z - 1.0) / ((self.Tf + self.sample_time) * z - self.Tf)
-        plain = np.stack([np.ones_like(z), integral, derivative], axis=-1)
-        return plain * self._filter_response(z)[..., None]
+        return np.stack(list(self._parts(z)), axis=-1) * self._filter_response(z)[..., None]
+
+    def _parts(self, z):
+        """What kp, ki and kd multiply, without the filters: 1, forward Euler, backward Euler behind Tf."""
+        yield np.ones_like(z)
+        yield self.sample_time / (z - 1.0)
+        yield (z - 1.0) / ((self.Tf + self.sample_time) * z - self.Tf)
 
     def _filter_response(self, z):
         response = np.ones(np.broadcast_shapes((*self.shape, 1), z.shape), complex)

@@ -91,8 +91,8 @@ def _poles(subject):
 def assert_margins(schedule: GainSchedule, **limits: float) -> None:
     """AssertionError unless every margin holds at the design points, half-way between them, and on every variant.
 
-    `Ms`, `Mt` and `gain_reduction_margin` (factor) are upper limits; `disk_margin`, `gain_margin` (factor), `phase_margin` (rad), `delay_margin` (s) and
-    `crossover` (rad/s) lower ones. Unstable loops always fail.
+    `Ms`, `Mt` and `gain_reduction_margin` (factor) are upper limits; `disk_margin`, `gain_margin` (factor), `phase_margin` (rad),
+    `delay_margin` (s) and `crossover` (rad/s) lower ones. Unstable loops always fail.
     """
     if unknown := sorted(set(limits) - set(_LIMITS)):
         raise TypeError(f"unknown margin {', '.join(unknown)}; known: {', '.join(_LIMITS)}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -55,6 +56,27 @@ def exported(loop="velocity", structure="pi+notch", *, scale=1.0, actuator=REFER
     )
 
 
+def fitted(machine: str, loop: str, structure: str, **settings) -> GainSchedule:
+    """`exported` for a shipped machine, with nodes, speeds and gains of its own size."""
+    actuator = hc.load_actuator(machine)
+    given = exported(loop, structure, actuator=actuator, **settings)
+    p, y = plant.parameters(actuator), actuator.stroke * np.array([0.0, 0.4, 1.0])
+    middle = 0.5 * actuator.stroke
+    stiffness = p.area_a**2 / (p.volume_a + p.area_a * middle) + p.area_b**2 / (p.volume_b - p.area_b * middle)
+    frequency = np.sqrt(p.bulk_modulus * stiffness / actuator.mass)
+    retract, extend = np.abs(hc.find_operating_points(actuator, [-1.0, 1.0], middle).v)
+    faster = (0.1 * frequency if loop == "position" else 0.12) / retract / given.kp[0, 0]
+    return replace(
+        given,
+        y=y,
+        design_y=y,
+        **{name: faster * getattr(given, name) for name in ("kp", "ki", "kd")},
+        notch_frequency=given.notch_frequency / given.notch_frequency[0, 0] * min(frequency, 0.8 / given.Ts),
+        speed_gain_extend=float(extend),
+        speed_gain_retract=float(retract),
+    )
+
+
 FULL = {
     "measurement_filter": 3e-4,
     "set_point_weight": 0.9,
@@ -76,24 +98,29 @@ def closed_loop(schedules, samples: int, seed: int = 1):
     """(operations (n, 9), x (n,)): what happened in a closed loop of the plant in Python, and the law's answers.
 
     A row: STEP, RESET or START; which schedule; x of a START; reference, v_ref, p_a, p_b, v, y. A START is followed by a step
-    with the same inputs. Every input is a number of single precision, which every target can read.
+    with the same inputs; its x may lie beyond the limits. Now and then an input that the law reads is
+    not finite. Every input is a number of single precision, which every target can read.
     """
     rng = np.random.default_rng(seed)
     actuator, loop = schedules[0].actuator, schedules[0].loop
     regulators = [law_of(schedule) for schedule in schedules]
+    read = [0, 1, 5] + [4] * (loop == "velocity") + [2, 3] * (schedules[0].pressure_drops is not None)
     p = plant.parameters(actuator)
-    z, which, memory = tuple(hc.rest_state(actuator, 0.25)), 0, law.AT_REST
-    size, target, v_ref, load = (0.1, 0.0, 0.0, 0.0) if loop == "velocity" else (0.004, 0.0, 0.0, 0.0)
+    stroke, speed, force = actuator.stroke, schedules[0].speed_gain_retract, 0.1 * actuator.area_b * actuator.supply_pressure
+    lowest, highest = 0.1 * stroke, 0.9 * stroke
+    z, which, memory = tuple(hc.rest_state(actuator, 0.5 * stroke)), 0, law.AT_REST
+    size, target, v_ref, load = 0.7 * speed if loop == "velocity" else 0.008 * stroke, 0.0, 0.0, 0.0
     rows, answers = [], []
     for k in range(samples):
         if k % 40 == 0:
             target = size * rng.choice([0.2, 1.0, 3.0]) * rng.uniform(-1.0, 1.0)
-            v_ref, load = rng.choice([0.0, 0.05]) * rng.uniform(-1.0, 1.0), 1e5 * rng.uniform(-1.0, 1.0)
-        y_target = min(max(z[3] + target, 0.05), 0.45)
-        reference = target * (1.0 if 0.05 < z[3] < 0.45 else -np.sign(target * (z[3] - 0.25))) if loop == "velocity" else y_target
+            v_ref, load = rng.choice([0.0, 0.35 * speed]) * rng.uniform(-1.0, 1.0), force * rng.uniform(-1.0, 1.0)
+        y_target = min(max(z[3] + target, lowest), highest)
+        inward = 1.0 if lowest < z[3] < highest else -np.sign(target * (z[3] - 0.5 * stroke))
+        reference = target * inward if loop == "velocity" else y_target
         inputs = np.array([reference, v_ref, *z[:4]])
         if rng.random() < 0.01:
-            inputs[rng.choice([0, 1, 5])] = rng.choice([np.nan, np.inf, -np.inf])
+            inputs[rng.choice(read)] = rng.choice([np.nan, np.inf, -np.inf])
         inputs = inputs.astype(np.float32).tolist()
         event = rng.random()
         if event < 0.005:
@@ -101,12 +128,12 @@ def closed_loop(schedules, samples: int, seed: int = 1):
             memory = law.AT_REST
             answers.append(0.0)
         elif event < 0.015 and np.isfinite(inputs).all():
-            start = float(np.float32(rng.uniform(-1.0, 1.0)))
+            start = float(np.float32(rng.uniform(-1.3, 1.3)))
             if event < 0.01:
                 which, start = 1 - which, float(np.float32(memory.x))
             rows.append([START, which, start, *inputs])
             memory = law.start(start, inputs[0], inputs[1], inputs[2:], regulators[which])
-            answers.append(start)
+            answers.append(float(memory.x))
         rows.append([STEP, which, 0.0, *inputs])
         memory = law.sample(inputs[0], inputs[1], inputs[2:], memory, regulators[which])
         answers.append(float(memory.x))

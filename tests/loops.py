@@ -98,7 +98,7 @@ class PlainRegulator:
         inside = min(max(y, 0.0), machine.stroke)
         per_root = (
             machine.area_a * machine.flow_coefficient / (machine.volume_a + machine.area_a * inside),
-            machine.area_b * machine.flow_coefficient / (machine.volume_b - machine.area_b * inside),
+            machine.area_b * machine.flow_coefficient_b / (machine.volume_b - machine.area_b * inside),
         )
         q, q_ref = (sum(w * math.sqrt(max(d, 1.0)) for w, d in zip(per_root, pair, strict=True)) for pair in (drops, wanted))
         return min(max(q_ref / q, 0.4), 3.0)

@@ -1,7 +1,7 @@
 """The scheduled loop with the slopes of its own gains: against hand calculation, the frozen loops and the nonlinear plant."""
 
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -203,6 +203,31 @@ def test_a_loop_that_is_unstable_only_at_the_edges_of_its_cells_along_y_is_found
     np.testing.assert_array_equal(coupled.pole_size[0] >= 1.0, expected)
     assert 0 < coupled.unstable == np.count_nonzero(expected)
     assert set(coupled.y[expected.any(axis=0)].round(3)) == {0.2}
+
+
+def test_a_node_without_a_neighbour_on_its_side_is_looked_at_itself():
+    """As above, where x_0 dkp/dy = 0.5 x 50 and 0.5 x 33 are more than 4^2; on the other side is a cell."""
+    base = exported(loop="position", structure="p")
+    rows = np.array([0, 2, 3])
+    tables = {name: getattr(base, name)[rows] for name in ("ki", "kd", "notch_frequency")}
+    dipped = np.array([14.0, 4.0, 14.0]) * np.ones((3, 1))
+    for x in (np.array([-0.5, 0.1, 0.2]), np.array([-0.2, -0.1, 0.5])):
+        coupled = check_coupling(replace(base, x=x, kp=dipped, **tables))
+        assert coupled.x.size == 1 + 3
+        assert coupled.unstable == 1
+        assert abs(coupled.worst[2]) == pytest.approx(0.5, rel=2e-3)
+
+
+def test_every_plant_of_the_specification_is_looked_at_as_if_it_were_the_machine():
+    schedule = _steep(exported(loop="position", structure="pi"))
+    box = {"mass": (0.5, 1.5), "bulk_modulus": (0.7, 1.3)}
+    asked = replace(schedule, specification=replace(schedule.specification, uncertainty=box))
+    coupled, machine = check_coupling(asked), schedule.actuator
+    assert coupled.variants[0] == "nominal"
+    for found, factors in zip(coupled.pole_size, [(1.0, 1.0), *product(*box.values())], strict=True):
+        changes = {name: factor * getattr(machine, name) for name, factor in zip(box, factors, strict=True)}
+        alone = check_coupling(replace(schedule, actuator=machine.replace(**changes)))
+        np.testing.assert_allclose(found, alone.pole_size[0], rtol=1e-9)
 
 
 def test_tuned_schedules_are_stable_with_the_slopes_of_their_gains(schedules):

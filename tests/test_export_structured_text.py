@@ -28,12 +28,12 @@ def test_random_closed_loop_steps_are_those_of_the_law(case, real):
     for kind, _, start_x, *inputs in operations:
         if kind == START:
             start = start_x
-            answers.append(start_x)
             continue
         flags = {"reset": kind == RESET, "start": start is not None, "start_x": start or 0.0}
         block(**dict(zip(("setpoint", "v_ref", "p_a", "p_b", "v", "y"), inputs, strict=True)), **flags)
         answers.append(block.m.x)
         start = None
+    expected = expected[operations[:, 0] != START]
     assert np.abs(np.array(answers, dtype=float) - expected).max() <= BOUNDS[real]
     assert block.m.faults == np.count_nonzero(~np.isfinite(operations[operations[:, 0] == 0.0]).all(axis=1))
 
@@ -41,6 +41,7 @@ def test_random_closed_loop_steps_are_those_of_the_law(case, real):
 @pytest.mark.parametrize("case", CASES)
 def test_single_precision_differs_in_types_and_numbers_alone(case):
     double, single = (source(contents(case), "press", real).decode() for real in BOUNDS)
+    single = re.sub(r"   Single precision.*?sensors\.\n", "", single, flags=re.DOTALL)
     numbers = re.compile(r"\d[\d.e+-]*")
     assert numbers.sub("0", double.replace("LREAL", "REAL")) == numbers.sub("0", single)
     assert "LREAL" not in single

@@ -1,4 +1,4 @@
-"""Every margin against `oracle`: random machines, sample times, delays and regulators, resonances above half the sample rate too."""
+"""Every margin against `oracle`: random machines, sample times, delays, regulators; resonances above half the sample rate, too."""
 
 import math
 import os

@@ -73,6 +73,13 @@ def test_compiled_law_and_the_same_lines_in_python_agree():
     assert run(compiled, given, inputs) == pytest.approx(run(law, given, inputs), rel=0, abs=ROUNDING)
 
 
+UNEQUAL = load_actuator("reference").replace(
+    area_b=0.7 * load_actuator("reference").area_b,
+    flow_coefficient_b=0.6 * load_actuator("reference").flow_coefficient,
+    tank_pressure=4e5,
+    dead_band=0.05,
+)
+"""a machine whose two sides have nothing in common"""
 KD = 2e-4 * (1.0 + 0.1 * np.arange(12).reshape(4, 3))
 EFFECTS = {
     "filter": {"Tm": 3e-3},
@@ -80,8 +87,8 @@ EFFECTS = {
     "lead": {"sections": ((0.5, 3.0),)},
     "lead-lag": {"sections": ((0.5, 3.0), (0.05, 0.02))},
     "lead-lag without notch": {"sections": ((0.5, 3.0), (0.05, 0.02)), "zz": 0.8},
-    "pressures": {"pressure_drops": np.array([[9e6, 11e6], [10e6, 8e6]])},
-    "dead band": {"dead_band_inverse": 0.85, "actuator": load_actuator("reference").replace(dead_band=0.05)},
+    "pressures": {"pressure_drops": np.array([[9e6, 11e6], [10e6, 8e6]]), "actuator": UNEQUAL},
+    "dead band": {"dead_band_inverse": 0.85, "actuator": UNEQUAL},
 }
 EFFECTS["all"] = {name: value for effect in list(EFFECTS.values())[:-2] for name, value in effect.items()} | {
     "zz": 0.2,
@@ -176,9 +183,8 @@ def test_the_inverse_lets_a_dead_band_pass_nearly_what_is_asked(share):
 
 def test_the_ratio_is_one_at_the_design_and_takes_the_load_out_of_the_gain():
     """dv/dt per opening is proportional to q, so ratio x q does not depend on the pressures (inside the clip)."""
-    drops = np.array([[9e6, 11e6], [10e6, 8e6]])
-    regulator = regulator_of(schedule(pressure_drops=drops))
-    machine = load_actuator("reference")
+    drops, machine = np.array([[9e6, 11e6], [10e6, 8e6]]), UNEQUAL
+    regulator = regulator_of(schedule(pressure_drops=drops, actuator=machine))
     supply, tank = machine.supply_pressure, machine.tank_pressure
     at_design = (supply - drops[1, 0], tank + drops[1, 1]), (tank + drops[0, 0], supply - drops[0, 1])
     for opening, pressures in zip((0.3, -0.3), at_design, strict=True):

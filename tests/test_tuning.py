@@ -4,11 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from machines import DIFFERENTIAL
 from scipy import sparse
 
 import hydroctl as hc
 from hydroctl.margins import Loop, analyse
 from hydroctl.schedule import check_margins, sampled_plants
+from hydroctl.simulation import law
+from hydroctl.test_vectors import law_of
 from hydroctl.tuning.convex import Bounds, Demands, largest_gains, small_gains
 from hydroctl.tuning.limits import Disc, circles
 from hydroctl.tuning.nodes import choose_nodes, mixing_matrix
@@ -211,6 +214,19 @@ def test_limits_hold_between_the_points_of_a_grid_that_is_too_coarse():
     assert np.isin(y, schedule.design_y).all()
     assert schedule.margins.worst("Ms", where=between).value <= 1.62
     assert schedule.margins.worst("Mt", where=between).value <= 1.32
+
+
+@pytest.mark.parametrize("dead_band", [0.0, 0.05])
+def test_the_feed_forward_is_exact_at_full_flow_and_at_a_tenth_of_it(dead_band):
+    """Either way, on a machine with unequal areas, a load and a leak that both bend v(x)."""
+    machine = DIFFERENTIAL.replace(load_force=4e4, leakage=2e-12, dead_band=dead_band)
+    schedule = hc.tune(machine, [-0.5, 0.5], [0.4], loop="position", specification=NOMINAL)
+    x = np.array([-1.0, -0.1, 0.1, 1.0])
+    x += dead_band * np.sign(x) * (1.0 - np.abs(x))
+    points = hc.find_operating_points(machine, x, 0.5)
+    asked = [law.feed_forward(v, law_of(schedule)) for v in points.v]
+    assert asked == pytest.approx(x, rel=1e-9)
+    assert schedule.speed_gain_extend < 0.95 * schedule.speed_gain_retract
 
 
 def test_a_load_that_stops_the_motion_of_a_feed_forward_is_an_input_error(reference):

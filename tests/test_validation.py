@@ -1,6 +1,5 @@
 """Validation: metrics against known answers, scenarios that fit the machine, and requirements that tell good loops from bad."""
 
-import dataclasses
 import math
 from dataclasses import replace
 from types import SimpleNamespace
@@ -9,10 +8,11 @@ import numpy as np
 import pytest
 from loops import schedule
 from machines import total_load
+from motions import TS, ZETA, second_order_answer, step_of_second_order, trajectory_of, verdicts_of
 
 import hydroctl as hc
 from hydroctl.errors import InputError
-from hydroctl.simulation import Scenario, Trajectory
+from hydroctl.simulation import Scenario
 from hydroctl.validation import (
     Metrics,
     compare,
@@ -29,39 +29,6 @@ from hydroctl.validation import (
 from hydroctl.validation.verdict import judge
 
 ACTUATOR = hc.load_actuator("reference")
-ZETA, OMEGA, TS = 0.4, 50.0, 1e-4
-
-
-def second_order_answer(t, zeta=ZETA):
-    """Unit step of omega^2/(s^2 + 2 zeta omega s + omega^2)."""
-    damped = math.sqrt(1 - zeta**2)
-    return 1 - np.exp(-zeta * OMEGA * t) * (np.cos(OMEGA * damped * t) + zeta / damped * np.sin(OMEGA * damped * t))
-
-
-def trajectory_of(y, command, p_a=1e7, p_b=2e7):
-    n = y.size
-    rows = {name: np.broadcast_to(np.asarray(value, float), n) for name, value in (("p_a", p_a), ("p_b", p_b))}
-    return Trajectory(TS * np.arange(n), command, y, np.zeros(n), **rows, spool=command, integrator="", final=None, command=command)
-
-
-def step_of_second_order(size=0.02, first=100, samples=6000, zeta=ZETA, **changes):
-    t = TS * (np.arange(samples) - first)
-    y = 0.1 + size * np.where(t > 0, second_order_answer(np.maximum(t, 0), zeta), 0.0)
-    reference = 0.1 + size * (t >= -1e-12)
-    asked = Scenario(name="step", loop="position", Ts=TS, reference=reference, y=0.1, **{"kind": "step"} | changes)
-    return asked, y
-
-
-def zeta_of(overshoot):
-    """The damping of a second-order loop that overshoots by exp(-pi zeta/sqrt(1 - zeta^2)) of its step."""
-    return -math.log(overshoot) / math.hypot(math.pi, math.log(overshoot))
-
-
-def verdicts_of(asked, metrics, **design):
-    """The default requirements' verdicts on one run, by name."""
-    run = SimpleNamespace(scenario=asked, variant="nominal", actuator=ACTUATOR, metrics=metrics, reason="")
-    requirements = default_requirements(scale_of(ACTUATOR, asked.loop), asked.loop, **design)
-    return {verdict.name: verdict for verdict in judge(requirements, [run])}
 
 
 @pytest.mark.parametrize("size", [0.02, -0.01])
@@ -163,79 +130,6 @@ def test_a_loop_that_does_not_settle_has_an_infinite_settling_time_and_fails():
     assert failed == {"settling time", "lasting oscillation"}
 
 
-@pytest.mark.parametrize(("design", "allowed"), [({}, 0.3), ({"Mt": 1.15}, 0.15)], ids=["the default Mt", "Mt 1.15"])
-@pytest.mark.parametrize("kind", ["step", "saturated"])
-def test_a_motion_may_overshoot_by_what_the_designs_Mt_stands_above_one(kind, design, allowed):
-    """A step by Mt - 1 of itself, a motion after saturation by Mt - 1 of the library's step: a
-    hundredth less passes, a hundredth more fails.
-
-    The loop's overshoot is that of its damping; sampled every OMEGA TS = 1/200 of a radian its peak
-    is read to 1e-5 of the step.
-    """
-    name, size = {
-        "step": ("overshoot of a step", 0.02),
-        "saturated": ("overshoot after saturation", 0.02 * ACTUATOR.stroke),
-    }[kind]
-    for overshoot, passed in ((0.99 * allowed, True), (1.01 * allowed, False)):
-        asked, y = step_of_second_order(size, zeta=zeta_of(overshoot), kind=kind, settle_by=0.5)
-        verdicts = verdicts_of(asked, measure(ACTUATOR, asked, trajectory_of(y, np.zeros(y.size))), **design)
-        assert verdicts[name].passed == passed
-        assert verdicts[name].limit == pytest.approx(allowed * (1.0 if kind == "step" else size), rel=1e-12)
-
-
-def test_a_validation_holds_a_schedule_to_the_Mt_that_it_was_designed_for():
-    asked = [scenario for scenario in step_scenarios(ACTUATOR, "velocity") if scenario.kind == "step"][:1]
-    given = schedule(kp=np.full((4, 3), 0.3), ki=np.full((4, 3), 280.0), specification=SimpleNamespace(Mt=1.17))
-    limits = {verdict.name: verdict.limit for verdict in validate(ACTUATOR, given, scenarios=asked).verdicts}
-    assert limits["overshoot of a step"] == pytest.approx(0.17, rel=1e-12)
-    assert hc.Specification().Mt == 1.3, "what requirements without a design stand for"
-
-
-REQUIREMENTS = default_requirements(scale_of(ACTUATOR, "position"), "position")
-QUIET = dict.fromkeys((field.name for field in dataclasses.fields(Metrics)), 0.0)
-"""a motion of which nothing can be said"""
-EDGES = [
-    ("settling time", "step", "settling_time", 0.2),
-    ("settling time", "saturated", "settling_time", 0.2),
-    ("settling time", "reversal", "settling_time", 0.2),
-    ("lasting oscillation", "reversal", "oscillation", 0.01),
-    ("steady error", "step", "steady_error", 0.01),
-    ("steady error", "step", "steady_error", -0.01),
-    ("passing of the stroke", "tracking", "beyond_stroke", 0.01 * ACTUATOR.stroke),
-]
-
-
-@pytest.mark.parametrize(("name", "kind", "field", "edge"), EDGES)
-def test_a_requirement_fails_just_beyond_the_limit_that_it_states(name, kind, field, edge):
-    """The time of the scenario; half of the settling band of 2 %, either way; 1 % of the stroke."""
-    asked = Scenario(name=kind, loop="position", Ts=TS, reference=np.full(10, 0.1), y=0.1, kind=kind, settle_by=0.2)
-    for factor, passed in ((1.0 - 1e-9, True), (1.0 + 1e-9, False)):
-        verdicts = verdicts_of(asked, Metrics(**QUIET | {field: factor * edge}))
-        assert [v.name for v in verdicts.values() if not v.passed] == ([] if passed else [name])
-
-
-@pytest.mark.parametrize("worse", [0.2, math.nan], ids=["by a tenth of a second", "without such a number"])
-def test_the_worst_run_is_the_one_furthest_beyond_its_own_limit(worse):
-    """Not the one with the largest number; one that cannot be judged is worse than any."""
-    times = {"patient": (0.4, 0.3), "hasty": (0.1, worse), "quick": (0.1, 0.05)}
-    runs = []
-    for name, (settle_by, settling) in times.items():
-        asked = Scenario(name=name, loop="position", Ts=TS, reference=np.full(10, 0.1), y=0.1, kind="step", settle_by=settle_by)
-        metrics = Metrics(**QUIET | {"settling_time": settling})
-        runs.append(SimpleNamespace(scenario=asked, variant="nominal", actuator=ACTUATOR, metrics=metrics, reason=""))
-    (settled,) = (verdict for verdict in judge(REQUIREMENTS, runs) if verdict.name == "settling time")
-    assert not settled.passed
-    assert (settled.scenario, settled.limit) == ("hasty", 0.1)
-
-
-def test_the_shortest_time_below_tank_pressure_is_cavitation():
-    asked = Scenario(name="one sample", loop="position", Ts=TS, reference=np.full(10, 0.1), y=0.1, kind="tracking")
-    for drop, passed in ((0.0, True), (1e3, False)):
-        p_a = np.where(np.arange(10) == 4, ACTUATOR.tank_pressure - drop, 1e7)
-        metrics = measure(ACTUATOR, asked, trajectory_of(np.full(10, 0.1), np.zeros(10), p_a=p_a))
-        assert verdicts_of(asked, metrics)["time below tank pressure"].passed == passed
-
-
 def test_what_cannot_be_judged_is_not_met():
     """A "step" to where the piston is already has no settling time, whatever the loop; the requirement must not vanish."""
     n = 400
@@ -288,6 +182,18 @@ def test_time_constant_of_the_machine_comes_from_its_hydraulic_mode():
     assert scale.speed(1.0) == pytest.approx(0.151457632, rel=1e-8)
 
 
+@pytest.mark.parametrize("name", ["reference", "differential_100_56"])
+def test_a_machine_is_asked_for_steps_and_times_of_its_own_size(name):
+    """40 or 80 of its time constants; a third of the lower speed, or 2 % of the stroke."""
+    machine = hc.load_actuator(name)
+    points = hc.find_operating_points(machine, [-1.0, 1.0], machine.stroke / 2.0)
+    speed, position = (scale_of(machine, loop) for loop in ("velocity", "position"))
+    assert speed.settling == pytest.approx(40.0 * speed.time_constant, rel=1e-12)
+    assert position.settling == pytest.approx(80.0 * speed.time_constant, rel=1e-12)
+    assert speed.step == pytest.approx(np.abs(points.v).min() / 3.0, rel=1e-9)
+    assert position.step == pytest.approx(0.02 * machine.stroke, rel=1e-12)
+
+
 def test_sound_loops_meet_every_requirement_on_the_nominal_machine_and_its_corners():
     for loop in ("velocity", "position"):
         gains = {
@@ -317,18 +223,6 @@ def test_faulty_velocity_loops_fail_the_requirement_that_they_violate(changes, f
     assert not report.passed
     assert failing <= {verdict.name for verdict in report.verdicts if not verdict.passed}, report.summary()
     assert "not met" in report.summary()
-
-
-def test_the_anti_windup_of_the_tuner_neither_stops_a_large_step_short_nor_lets_it_overshoot():
-    """A tenth of its time, one sample, empties the integral at every touch of the limit; eight times
-    its time leaves the integral full."""
-    nominal = hc.Specification(uncertainty="nominal")
-    tuned = hc.tune(ACTUATOR, [-1.0, -0.1, 0.1, 1.0], [0.0, 0.25, 0.5], loop="position", specification=nominal)
-    asked = [scenario for scenario in step_scenarios(ACTUATOR, "position") if scenario.kind == "saturated"]
-    expected = {0.1: {"settling time", "steady error"}, 1.0: set(), 8.0: {"overshoot after saturation"}}
-    for factor, failed in expected.items():
-        report = validate(ACTUATOR, dataclasses.replace(tuned, Tt=factor * tuned.Tt), scenarios=asked)
-        assert {verdict.name for verdict in report.verdicts if not verdict.passed} == failed
 
 
 def test_a_run_that_fails_is_a_verdict_with_its_reason():

@@ -17,7 +17,7 @@ from hydroctl.errors import InputError, SimulationError
 from hydroctl.simulation import Scenario, Sensors
 from hydroctl.validation import Run, campaign, default_requirements, measure, replay, scale_of
 from hydroctl.validation.cases import METRICS
-from hydroctl.validation.verdict import judge
+from hydroctl.validation.verdict import Requirement, judge
 
 ACTUATOR = hc.load_actuator("reference")
 SCHEDULE = schedule("position", kp=np.full((4, 3), 280.0), ki=np.full((4, 3), 5700.0), Tt=0.05, feed_forward=True)
@@ -147,8 +147,10 @@ def test_a_failed_case_is_a_row_with_its_reason_and_seed():
     assert np.isnan(rows(result)[:, 32:]).all()
     with pytest.raises(SimulationError):
         replay(ACTUATOR, given, result.case_seed(40), scenarios=[stay, away], spread={})
-    verdict = result.verdicts(())[0]
+    asked = Requirement("error", "m/s", "", ("tracking",), lambda m: m.largest_error, lambda *_: 1e-3)
+    verdict, error = result.verdicts((asked,))
     assert (verdict.passed, verdict.achieved, verdict.scenario) == (False, 32.0, "away")
+    assert (error.passed, error.scenario) == (True, "stay"), "of the cases that reached their end"
 
 
 def test_a_step_to_where_the_piston_is_has_no_step_metrics_and_is_not_passed_over():
@@ -183,6 +185,15 @@ def test_verdicts_are_those_of_the_single_runs():
         assert found.achieved == pytest.approx(expected.achieved, rel=1e-9, abs=1e-12)
         if expected.achieved:
             assert found.variant == expected.variant
+
+
+@pytest.mark.parametrize(("share", "passed"), [(1.0 + 1e-9, True), (1.0 - 1e-9, False)])
+def test_a_requirement_is_met_where_the_worst_case_is_within_its_limit(share, passed):
+    result = run(64)
+    worst = float(result.metrics["iae"].max())
+    asked = Requirement("IAE", "m s", "", ("step", "tracking"), lambda m: m.iae, lambda *_: share * worst)
+    *_, verdict = result.verdicts((asked,))
+    assert (verdict.achieved, verdict.passed) == (worst, passed)
 
 
 def test_machines_with_every_effect_run_too():

@@ -7,11 +7,10 @@ from pathlib import Path
 
 from ..files import write_file
 from ..test_vectors import TOLERANCE
+from . import precision
 from .contents import Contents
 from .parts import parts
 from .text import identifier, render, shortest
-
-_FLOAT_TOLERANCE = 1e-5
 
 
 def write_c(contents: Contents, path: Path, real: str) -> tuple[Path, ...]:
@@ -27,9 +26,27 @@ def sources(contents: Contents, name: str, real: str) -> tuple[bytes, bytes]:
         "NAME": name.upper(),
         "real": real,
         "fn": lambda function: function + ("f" if real == "float" else ""),
-        "tolerance": _FLOAT_TOLERANCE if real == "float" else TOLERANCE,
+        "precision": precision.statement(contents) if real == "float" else [],
+        "checks": _checks(contents, real),
     }
     return tuple(render(f"regulator.{kind}.jinja", filters=filters(real), **values) for kind in ("h", "c"))
+
+
+def _checks(contents: Contents, real: str) -> list[dict]:
+    """The test vectors, with what x may differ by and, where one starts, the gains in use and what they may differ by."""
+    vectors = contents.vectors
+    if real == "float":
+        by_x = precision.tolerances(contents.regulator, vectors)
+        by_gains = precision.gain_tolerances(contents.regulator, vectors)
+    else:
+        by_x = [TOLERANCE] * len(vectors)
+        by_gains = [[TOLERANCE * abs(gain) for gain in vector.gains or ()] for vector in vectors]
+    used = [list(contents.units).index(name) for name in contents.tables]
+    checks = []
+    for vector, within, gains_within in zip(vectors, by_x, by_gains, strict=True):
+        gains = [] if vector.start is None else [(vector.gains[k], gains_within[k]) for k in used]
+        checks.append(vector._asdict() | {"within": within, "gains": gains})
+    return checks
 
 
 def filters(real: str) -> dict:

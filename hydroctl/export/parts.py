@@ -27,7 +27,6 @@ def parts(contents: Contents) -> dict:
         "least_drop": law.LEAST_DROP,
         "delay_samples": s.delay_samples,
         "provenance": contents.provenance,
-        "vectors": contents.vectors,
     }
     return (
         r._asdict()

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..files import write_file
+from . import precision
 from .contents import Contents
 from .parts import parts
 from .text import identifier, render, shortest
@@ -27,6 +28,7 @@ def source(contents: Contents, name: str, real: str) -> bytes:
     values = parts(contents) | {
         "name": name,
         "REAL": "REAL" if real == "float" else "LREAL",
+        "precision": precision.statement(contents) if real == "float" else [],
         "largest": np.finfo(np.float32 if real == "float" else np.float64).max,
     }
     values["inputs"] = ["setpoint" if read == "reference" else read for read in values["reads"]]

@@ -336,16 +336,22 @@ def start(x, reference, v_ref, measured, regulator):
     """The memory from which the next sample, with these inputs, gives the command x: a bumpless start, or change of schedule.
 
     x is clipped to [-1, 1]. Filters stand in their steady state. Without an integral nothing can hold x: its memory is 0, and the
-    command jumps to what the law asks for. With an input that is not finite the law starts from rest; that a state is not is found
-    by the next sample.
+    command jumps to what the law asks for. With an input that is not finite the law starts from rest. A state that is not finite
+    is left for the next sample to find.
     """
     if not (is_sound(reference, v_ref, measured, regulator) and np.isfinite(x)):
         return AT_REST
     raised = np.where(x < -1.0, -1.0, x)
     x = np.where(raised > 1.0, 1.0, raised)
+    gains = gains_at(x, measured[3], regulator)
+    return held(x, reference, feed_forward(v_ref, regulator), measured, gains, regulator)
+
+
+def held(x, reference, forward, measured, gains, regulator):
+    """The memory of `start` for |x| <= 1, free of branches; the arguments are those of `regulate`."""
+    kp, _, _, wn = gains
     p_a, p_b, v, y = measured
     m = np.where(regulator.position, y, v)
-    kp, _, _, wn = gains_at(x, y, regulator)
     slope = 1.0 - regulator.inverse_depth
     middle = slope * regulator.inverse_width + regulator.inverse_depth * (1.0 + regulator.inverse_width)
     size = np.where(x < 0.0, -x, x)
@@ -354,8 +360,7 @@ def start(x, reference, v_ref, measured, regulator):
     opening = np.where(x < 0.0, -limited, limited)
     opening = opening / pressure_ratio(opening, y, p_a, p_b, regulator)
     proportional = kp * (regulator.b * reference - m)
-    held = opening - feed_forward(v_ref, regulator) - proportional
-    integral = np.where(regulator.integrates, held, 0.0)
+    integral = np.where(regulator.integrates, opening - forward - proportional, 0.0)
     u = proportional + integral
     w = np.tan(0.5 * wn * regulator.Ts)
     _, _, b2, a2 = notch_coefficients(w, regulator.zz, regulator.zp)

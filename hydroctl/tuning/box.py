@@ -20,6 +20,7 @@ from ..frequency import frequency_grid
 from ..margins import Loop, analyse
 from ..schedule import GainSchedule, WorstPoint, sampled, with_midpoints
 from ..specification import box_of, variant_label
+from .limits import ALLOWANCE
 
 _SAMPLE = 64
 _COLUMNS = 9
@@ -29,15 +30,16 @@ _FIRST_STEP, _LAST_STEP = 0.125, 0.01
 """of the climb, in widths of the box"""
 _BATCH = 1e7
 """values of a loop that are held at once"""
-_TOLERATED = 0.004, 0.016
+_TOLERATED = 0.2 * ALLOWANCE, 0.85 * ALLOWANCE
 """by how much a limit may be missed at the design points, and between them, before a plant counts as worse"""
+_CLIMBS, _FEW_CLIMBS = 8, 2
+"""openings, the worst of the sample, from which a climb starts for each limit"""
 _AT_ONCE = 4
 """plants that one search offers"""
 _COVERED = 0.7
 """part of the excess at a place that a plant must have there to stand for the worst one"""
-_FREQUENCIES = 60
-"""logarithmic ones of the sample, beside those about the modes"""
-_PEAKS = ("Ms", "Mt")
+_COARSE, _FINE = 60, 720
+"""logarithmic frequencies of the sample and of the climb, besides those about the modes"""
 _MARGINS = {"min_crossover": "crossover"}
 """the margins that limits of another name limit"""
 _EXCESS = {
@@ -66,18 +68,19 @@ def search_box(schedule: GainSchedule) -> BoxSearch:
 
     InputError where the specification counts its plants, and for a plant of the box without an operating point.
     """
-    return _Search(schedule, with_midpoints(schedule.design_x), with_midpoints(schedule.design_y)).result()
+    return _Search(schedule, with_midpoints(schedule.design_x), with_midpoints(schedule.design_y)).result(_CLIMBS)
 
 
 def search_design_points(schedule: GainSchedule) -> BoxSearch:
-    """As `search_box`, at the design points alone."""
-    return _Search(schedule, schedule.design_x, schedule.design_y).result()
+    """As `search_box`, at the design points alone, and with fewer climbs."""
+    return _Search(schedule, schedule.design_x, schedule.design_y).result(_FEW_CLIMBS)
 
 
 @dataclass(frozen=True)
 class _Place:
     """A plant of the box, its coordinates from 0 to 1, at point (i, j), with the excess of one limit there."""
 
+    limit: int
     plant: np.ndarray
     i: int
     j: int
@@ -96,29 +99,29 @@ class _Search:
         self.tolerated = np.where(designed, *_TOLERATED)
         stated = {name: getattr(schedule.specification, name) for name in _EXCESS}
         self.limits = {name: limit for name, limit in stated.items() if limit is not None}
+        self.only_peaks = set(self.limits) <= {"Ms", "Mt"}
         self.columns = np.unique(np.linspace(0, y.size - 1, _COLUMNS).round().astype(int))
 
-    def result(self) -> BoxSearch:
+    def result(self, climbs: int) -> BoxSearch:
         plants = _sample(len(self.box))
         excess = self.screened(plants)
-        left, worst, worse = excess.max(axis=1), {}, []
-
-        def climbed(limit: int, i: int, column: int) -> _Place:
-            best = plants[np.argmax(excess[limit, :, i, column])]
-            return self.climb(limit, best, i, int(self.columns[column]))
-
+        tops, worst, worse = [], {}, []
         for limit, name in enumerate(self.limits):
-            at = _argmax(left[limit])
-            found = climbed(limit, *at)
-            worst[name] = self.point(name, found)
-            left[limit][at] = max(left[limit][at], found.excess)
-        while left.max() > 0.0 and len(worse) < _AT_ONCE:
-            at = _argmax(left)
-            plant = climbed(*at).plant
+            for i in np.argsort(-excess[limit].max(axis=(0, 2)))[:climbs]:
+                plant, column = _argmax(excess[limit, :, i])
+                tops.append(self.climb(limit, plants[plant], int(i), int(self.columns[column])))
+            worst[name] = self.point(name, max([top for top in tops if top.limit == limit], key=_by_excess))
+        left = [top for top in tops if top.excess > 0.0]
+        while left and len(worse) < _AT_ONCE:
+            plant = max(left, key=_by_excess).plant
             worse.append(self.change(plant))
-            left[self.screened(plant[None])[:, 0] >= _COVERED * left] = -np.inf
-            left[at] = -np.inf
+            left = [top for top in left if not self.stands_for(plant, top)]
         return BoxSearch(worst, tuple(worse))
+
+    def stands_for(self, plant: np.ndarray, top: _Place) -> bool:
+        """Whether a design that counts `plant` takes care of `top`."""
+        excess = self.exact(plant[None], [top.i], [top.j])[top.limit].item()
+        return excess >= _COVERED * top.excess
 
     def climb(self, limit: int, plant: np.ndarray, i: int, j: int) -> _Place:
         """Uphill from `plant` at point (i, j): to the best of the neighbours in the box, then among the points, or to shorter
@@ -136,24 +139,26 @@ class _Search:
             else:
                 (row, column), excess = _argmax(around), float(around.max())
                 i, j = rows[row], columns[column]
-        return _Place(plant, i, j, excess)
+        return _Place(limit, plant, i, j, excess)
 
     def exact(self, plants: np.ndarray, rows: list[int], columns: list[int]) -> np.ndarray:
         """(limits, plants, rows, columns) excesses; infinite where the loop is unstable."""
-        found = analyse(self.loops(plants, rows, columns))
+        loops = self.loops(plants, rows, columns)
+        found = _on_grid(loops, _FINE) if self.only_peaks else analyse(loops)
         missed = np.stack([_EXCESS[name](found, limit) for name, limit in self.limits.items()])
-        return np.where(found.stable, missed, np.inf) - self.tolerated[np.ix_(rows, columns)]
+        stable = np.abs(loops.poles()).max(axis=-1) < 1.0
+        return np.where(stable, missed, np.inf) - self.tolerated[np.ix_(rows, columns)]
 
     def screened(self, plants: np.ndarray) -> np.ndarray:
         """(limits, plants, mx, columns) excesses at some columns; of Ms and Mt on a grid of frequencies."""
         rows = np.arange(self.x.size)
-        size = rows.size * self.columns.size * _FREQUENCIES
+        size = rows.size * self.columns.size * _COARSE
         batches = np.array_split(plants, max(1, round(len(plants) * size / _BATCH)))
         found = [self._screened(self.loops(batch, rows, self.columns)) for batch in batches]
         return np.concatenate(found, axis=1) - self.tolerated[:, self.columns]
 
     def _screened(self, loops: Loop) -> np.ndarray:
-        found = _on_grid(loops) if set(self.limits) <= set(_PEAKS) else analyse(loops)
+        found = _on_grid(loops, _COARSE) if self.only_peaks else analyse(loops)
         return np.stack([_EXCESS[name](found, limit) for name, limit in self.limits.items()])
 
     def loops(self, plants: np.ndarray, rows, columns) -> Loop:
@@ -183,9 +188,9 @@ class _Peaks:
     Mt: np.ndarray
 
 
-def _on_grid(loops: Loop) -> _Peaks:
-    """Ms and Mt as far as the frequencies of the plants show them."""
-    L = loops.frequency_response(frequency_grid(loops.plant, points=_FREQUENCIES))
+def _on_grid(loops: Loop, points: int) -> _Peaks:
+    """Ms and Mt as far as that many logarithmic frequencies and those about the plants' modes show them."""
+    L = loops.frequency_response(frequency_grid(loops.plant, points=points))
     S = 1.0 / np.abs(1.0 + L)
     return _Peaks(S.max(axis=-1), (np.abs(L) * S).max(axis=-1))
 
@@ -205,6 +210,10 @@ def _sample(parameters: int) -> np.ndarray:
 def _beside(index: int, size: int) -> list[int]:
     """The indices next to `index` and itself, within `size`."""
     return list(range(max(index - 1, 0), min(index + 2, size)))
+
+
+def _by_excess(place: _Place) -> float:
+    return place.excess
 
 
 def _argmax(values: np.ndarray) -> tuple[int, ...]:

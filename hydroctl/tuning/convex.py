@@ -36,6 +36,11 @@ _KEPT_ROWS = 100
 """for each limit"""
 
 
+def _weighted(terms: np.ndarray, gains: np.ndarray) -> np.ndarray:
+    """(M, rows): terms (M, rows, t) times gains (M, t), summed over t; for so few t ten times as fast as `matmul`."""
+    return sum(terms[:, :, t] * gains[:, None, t] for t in range(gains.shape[1]))
+
+
 @dataclass(frozen=True, eq=False)
 class Bounds:
     """Linear bounds rows @ g <= most on the gains g (M, t) at M points: rows (M, m, t), most (M, m) above 0."""
@@ -49,7 +54,7 @@ class Bounds:
 
     def exceeded(self, gains: np.ndarray) -> np.ndarray:
         """(M,) bool: at which points a bound is broken."""
-        return ((self.rows @ gains[:, :, None])[:, :, 0] > self.most).any(axis=1)
+        return (_weighted(self.rows, gains) > self.most).any(axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +79,7 @@ class Demands:
 
     def loop_gain(self, gains: np.ndarray) -> np.ndarray:
         """(M, rows) complex L with `gains` (M, t)."""
-        return (self.phi @ gains[:, :, None])[:, :, 0]
+        return _weighted(self.phi, gains)
 
     def tightest(self, gains: np.ndarray) -> Demands:
         """The demands at those rows of each point whose L comes nearest to each of the sets with `gains` (M, t)."""
@@ -195,7 +200,7 @@ class _Program:
             working = working | violated
 
     def _excess(self, gains):
-        return (self.rows @ gains[:, :, None])[:, :, 0] - self.most
+        return _weighted(self.rows, gains) - self.most
 
     def _matrix(self, working):
         """The rows of the working set over all variables, term by term."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -22,8 +22,12 @@ from .task import Task, task_of
 
 _WINDUP_SHARE, _LEAST_WINDUP_SAMPLES = 0.25, 10
 _DENSER = 9
+_DENSE = 0.5
+"""share of what is allowed between the points, beyond which they become denser; the rest is left to other plants"""
 _SEARCHES = 12
 _FEW = 4
+_NEAR = 0.02
+"""by how much Ms and Mt may stay below their limits where a plant binds"""
 _LOW_FLOW = 0.1
 
 
@@ -54,8 +58,8 @@ def on_the_whole_box(task: Task, make: Callable[[Task], GainSchedule], make_few:
     if not box_of(task.actuator, task.specification.uncertainty):
         return make(task)
     few = task.part(_few(task.x), _few(task.y))
-    _, few = _until_none_is_worse(few, make_few, search_design_points)
-    schedule, _ = _until_none_is_worse(task.with_plants(few.changes[len(task.changes) :]), make, search_box)
+    binding = _binding_plants(*_until_none_is_worse(few, make_few, search_design_points))
+    schedule, _ = _until_none_is_worse(task.with_plants(binding), make, search_box)
     return schedule
 
 
@@ -63,10 +67,19 @@ def _until_none_is_worse(task: Task, make, search) -> tuple[GainSchedule, Task]:
     for _ in range(_SEARCHES):
         schedule = make(task)
         found = search(schedule)
-        if not found.worse:
+        new = tuple(change for change in found.worse if change not in task.changes)
+        if not new:
             break
-        task = task.with_plants(found.worse).at(schedule.design_x, schedule.design_y)
+        task = task.with_plants(new).at(schedule.design_x, schedule.design_y)
     return schedule, task
+
+
+def _binding_plants(schedule: GainSchedule, task: Task) -> tuple[Mapping[str, float], ...]:
+    """What those plants of the task differ by on which `schedule` comes near a limit of Ms or Mt at a design point."""
+    loops = Loop(task.plants, schedule.gains(task.x[:, None], task.y).broadcast_to(task.plants.shape))
+    found = analyse(loops)
+    near = (found.Ms > schedule.specification.Ms - _NEAR) | (found.Mt > schedule.specification.Mt - _NEAR)
+    return tuple(change for change, plant in zip(task.changes, near[1:], strict=True) if plant.any())
 
 
 def _few(nodes: np.ndarray) -> np.ndarray:
@@ -112,7 +125,7 @@ def _needed_points(task: Task, schedule: GainSchedule) -> tuple[np.ndarray, np.n
     x, y = with_midpoints(schedule.design_x), with_midpoints(schedule.design_y)
     plants = task.at(x, y).plants
     loops = Loop(plants, schedule.gains(x[:, None], y).broadcast_to(plants.shape))
-    missed = broken(loops, between_points(schedule.specification)).any(axis=0)
+    missed = broken(loops, between_points(schedule.specification, _DENSE)).any(axis=0)
     new_x, new_y = ~np.isin(x, schedule.design_x), ~np.isin(y, schedule.design_y)
     on_a_line = missed & ~(new_x[:, None] & new_y)
     missed = on_a_line if on_a_line.any() else missed
