@@ -143,7 +143,7 @@ def _slow_down(task: Task, regulators: Regulators) -> np.ndarray:
     or by bisection the largest below the first that fails."""
 
     limit = task.specification.high_frequency_gain
-    most = np.ones(regulators.shape) if limit is None else np.minimum(1.0, limit / _gain_at_nyquist(regulators))
+    most = np.ones(regulators.shape) if limit is None else np.minimum(1.0, limit / regulators.nyquist_gain)
 
     def holds(share):
         loops = Loop(task.plants, _scaled(regulators, share).broadcast_to(task.plants.shape))
@@ -191,10 +191,6 @@ def _misses(task: Task, regulators: Regulators):
         if getattr(specification, name) is not None:
             missed.append(1.0 - getattr(found, name) / getattr(specification, name))
     if specification.high_frequency_gain is not None:
-        excess = _gain_at_nyquist(regulators) / specification.high_frequency_gain - 1.0
+        excess = regulators.nyquist_gain / specification.high_frequency_gain - 1.0
         missed.append(np.broadcast_to(excess, task.plants.shape))
     return np.max(missed, axis=0), found
-
-
-def _gain_at_nyquist(regulators: Regulators) -> np.ndarray:
-    return np.abs(regulators.frequency_response([np.pi / regulators.sample_time]))[..., 0]

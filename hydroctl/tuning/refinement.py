@@ -160,8 +160,8 @@ class _Shortfall:
         return np.stack([np.minimum(low, self.lowest / _WINDOW), np.maximum(high, self.highest * _WINDOW)], axis=-1)
 
     def across(self, window: np.ndarray, highest: np.ndarray) -> np.ndarray:
-        """(variants, nx, ny, n) rad/s: frequencies throughout `window` (variants, nx, ny, 2), up to `highest` (variants, nx, ny, 1),
-        of the loops that break the limit; of the others `omega` alone."""
+        """(variants, nx, ny, n) rad/s: frequencies throughout `window` (variants, nx, ny, 2), but not above `highest`, of the loops
+        that break the limit; of the others `omega` alone."""
         low, high = window[..., :1], np.minimum(window[..., 1:], highest)
         across = np.repeat(self.omega[..., None], _ACROSS, axis=-1)
         broken = np.isfinite(self.lowest)
