@@ -218,7 +218,10 @@ def _least(size: int, index, values) -> np.ndarray:
 
 
 def _crossings(loop, omega, L, function) -> Crossings:
-    """All roots of function(L) that change its sign on the grid `omega`."""
+    """All roots of function(L) that change its sign on the grid `omega`.
+
+    Where one of its frequencies is a root to within rounding, the sign there may not be found again: it is that one.
+    """
     from scipy.optimize import elementwise
 
     sign = np.signbit(function(L))
@@ -229,9 +232,11 @@ def _crossings(loop, omega, L, function) -> Crossings:
     def at(frequency, index):
         return loop.take(index.astype(int)).frequency_response(frequency[:, None])[:, 0]
 
-    bracket = (omega[row, column], omega[row, column + 1])
-    found = elementwise.find_root(lambda w, index: function(at(w, index)), bracket, args=(row.astype(float),))
-    return Crossings(row, found.x, at(found.x, row))
+    low, high = omega[row, column], omega[row, column + 1]
+    found = elementwise.find_root(lambda w, index: function(at(w, index)), (low, high), args=(row.astype(float),))
+    at_low, at_high = (np.abs(function(L[row, k])) for k in (column, column + 1))
+    root = np.where(np.isfinite(found.x), found.x, np.where(at_low <= at_high, low, high))
+    return Crossings(row, root, at(root, row))
 
 
 def _phase_crossings(loop, omega, L) -> Crossings:

@@ -95,6 +95,11 @@ class Regulators:
         parts = [gain * part for gain, part in zip(gains, self._parts(z), strict=True) if np.any(gain)]
         return sum(parts, np.zeros(1)) * self._filter_response(z)
 
+    @property
+    def nyquist_gain(self) -> np.ndarray:
+        """(...) |C| at the Nyquist frequency, in the unit of kp: what noise from sample to sample is multiplied by."""
+        return np.abs(self.frequency_response([np.pi / self.sample_time]))[..., 0]
+
     def terms(self, omega) -> np.ndarray:
         """(..., n, 3) complex: what kp, ki and kd multiply; sections, notch and filter included."""
         z = np.exp(1j * np.asarray(omega, dtype=float) * self.sample_time)

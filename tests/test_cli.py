@@ -149,7 +149,8 @@ def test_actuators_are_listed_and_described(command):
 @pytest.fixture(scope="module")
 def schedule(reference, tmp_path_factory):
     path = tmp_path_factory.mktemp("cli") / "schedule.json"
-    return hc.tune(reference, [-1.0, -0.1, 0.1, 1.0], [0.0, 0.25, 0.5]).save(path)
+    corners = hc.Specification(uncertainty="corners")
+    return hc.tune(reference, [-1.0, -0.1, 0.1, 1.0], [0.0, 0.25, 0.5], specification=corners).save(path)
 
 
 def test_a_saved_schedule_is_validated_and_its_random_cases_replayed(command, schedule):

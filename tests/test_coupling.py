@@ -20,7 +20,8 @@ AT = np.array([-0.4, 0.5]), np.array([0.1, 0.3])
 
 @pytest.fixture(scope="module")
 def schedules(reference):
-    return {structure: hc.tune(reference, X, Y, loop="position", structure=structure) for structure in ("p", "pi")}
+    asked = {"loop": "position", "specification": hc.Specification(uncertainty="corners")}
+    return {structure: hc.tune(reference, X, Y, structure=structure, **asked) for structure in ("p", "pi")}
 
 
 def _weighted(schedule, b):
@@ -117,18 +118,19 @@ class _SteadyMotion:
 
     @property
     def _used(self):
-        """Whether the regulator has an integral, and a notch."""
-        return bool(self.schedule.ki.any()), self.schedule.zz != self.schedule.zp
+        """Whether the regulator has a derivative, an integral, and a notch."""
+        return bool(self.schedule.kd.any()), bool(self.schedule.ki.any()), self.schedule.zz != self.schedule.zp
 
     def _memory(self):
-        plain, (integral, notch) = self.plain, self._used
-        numbers = [plain.derivative, plain.last, plain.measured, plain.x]
+        plain, (derivative, integral, notch) = self.plain, self._used
+        numbers = [*([plain.derivative, plain.last] * derivative), plain.measured, plain.x]
         numbers += [*np.ravel(plain.section_states), *([plain.integral] * integral)]
         return np.array([*numbers, *(plain.notch_states * notch)])
 
     def _recall(self, memory):
-        plain, (integral, notch), numbers = self.plain, self._used, iter(memory.tolist())
-        plain.derivative, plain.last, plain.measured, plain.x = (next(numbers) for _ in range(4))
+        plain, (derivative, integral, notch), numbers = self.plain, self._used, iter(memory.tolist())
+        plain.derivative, plain.last = (next(numbers), next(numbers)) if derivative else (0.0, 0.0)
+        plain.measured, plain.x = next(numbers), next(numbers)
         plain.section_states = [[next(numbers)] for _ in plain.section_states]
         plain.integral = next(numbers) if integral else 0.0
         plain.notch_states = [next(numbers), next(numbers)] if notch else [0.0, 0.0]

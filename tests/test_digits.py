@@ -217,19 +217,19 @@ BY_A_HAIR = {
     "stroke": (lambda a: hc.rest_state(a, UP(a.stroke)), r"y = (\S+) m is outside the stroke; give 0 to (\S+) m", float.__gt__),
     "stall force": (
         lambda a: hc.rest_state(a, load_force=UP(float(stall_force(a, 1.0)))),
-        r"load_force = (\S+) N .* and (\S+) N",
+        r"the load of (\S+) N .* and (\S+) N",
         float.__gt__,
     ),
     "sample time": (
         lambda a: hc.simulate_closed_loop(
-            a, hc.tune(a, [1.0], [0.2]), replace(hc.step_scenarios(a, "velocity")[0], Ts=1e-3 * (1.0 + 1e-9))
+            a, hc.tune(a, [1.0], [0.2], specification=NOMINAL), replace(hc.step_scenarios(a, "velocity")[0], Ts=1e-3 * (1.0 + 1e-9))
         ),
         r"sampled every (\S+) s, the schedule every (\S+) s",
         float.__gt__,
     ),
     "stall force of a point": (
         lambda a: hc.find_operating_points(a, 1.0, 0.2, load_force=UP(float(stall_force(a, 1.0)))),
-        r"load_force = (\S+) N is at or beyond the stall force of (\S+) N",
+        r"the load of (\S+) N is at or beyond the stall force of (\S+) N",
         float.__gt__,
     ),
     "dead band": (

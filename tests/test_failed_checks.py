@@ -20,7 +20,7 @@ FORMATS = [f for f in ALL_FORMATS if f != "fmu" or COMPILER]
 @pytest.fixture(scope="module")
 def missed():
     """PI without a notch is too slow for the fast machine, whose margins are sound."""
-    return hc.design(hc.load_actuator("fast_50_28"))
+    return hc.design(hc.load_actuator("fast_50_28"), specification=hc.Specification(uncertainty="corners"))
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +62,8 @@ def test_a_failed_fixed_regulator_beside_it_is_no_failure_of_the_schedule(missed
 
 
 def test_a_schedule_without_failures_knows_none(reference):
-    assert hc.tune(reference, [-1.0, 1.0], [0.1, 0.4]).failed_checks == ()
+    nominal = hc.Specification(uncertainty="nominal")
+    assert hc.tune(reference, [-1.0, 1.0], [0.1, 0.4], specification=nominal).failed_checks == ()
 
 
 def test_the_file_keeps_them_and_nobody_removes_them_unnoticed(missed, saved, tmp_path):

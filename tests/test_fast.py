@@ -7,7 +7,7 @@ import pytest
 import hydroctl as hc
 from hydroctl.schedule import check_margins
 
-NOMINAL = hc.Specification(uncertainty="nominal")
+NOMINAL, CORNERS = (hc.Specification(uncertainty=name) for name in ("nominal", "corners"))
 QUICK = hc.Specification(uncertainty="nominal", sample_time=2e-5, Tf=1e-5, Ms=2.0, Mt=1.6)
 """so quick a regulator that the plant is nearly the model of the formulas"""
 
@@ -49,7 +49,7 @@ def test_imc_is_slowed_until_every_limit_holds_and_no_further(reference, loop, u
 
 
 def test_a_slow_imc_is_left_as_it_was_asked(reference):
-    found = hc.tune_fast(reference, [0.1], [0.25], bandwidth=10.0)
+    found = hc.tune_fast(reference, [0.1], [0.25], bandwidth=10.0, specification=NOMINAL)
     np.testing.assert_array_equal(found.reached, 10.0)
     assert found.schedule.margins.worst("crossover", where=found.schedule.margins.designed).value == pytest.approx(10.0, rel=0.05)
 

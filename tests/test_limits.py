@@ -14,7 +14,8 @@ X, Y = [-1.0, -0.1], [0.2]
 
 
 def _designed(reference, loop, structure, **limits):
-    schedule = hc.tune(reference, X, Y, loop=loop, structure=structure, specification=hc.Specification(**limits))
+    asked = hc.Specification(uncertainty="corners", **limits)
+    schedule = hc.tune(reference, X, Y, loop=loop, structure=structure, specification=asked)
     return schedule, lambda name: schedule.margins.worst(name, where=schedule.margins.designed).value
 
 
@@ -94,7 +95,8 @@ def test_a_design_that_misses_a_further_limit_fails_its_verdicts(reference):
     from dataclasses import replace
 
     plain, _ = _designed(reference, "velocity", "pid+notch")
-    strict = replace(plain, specification=hc.Specification(gain_margin=5.0, phase_margin=1.5, high_frequency_gain=0.1))
+    limits = {"gain_margin": 5.0, "phase_margin": 1.5, "high_frequency_gain": 0.1}
+    strict = replace(plain, specification=hc.Specification(uncertainty="corners", **limits))
     failed = [verdict for verdict in margin_verdicts(strict) if not verdict.passed]
     assert [verdict.name for verdict in failed] == [
         "gain margin at the design points",
@@ -151,7 +153,7 @@ def test_a_crossover_out_of_reach_names_limit_place_variant_and_what_is_feasible
 
 
 def test_a_fixed_regulator_out_of_reach_names_the_point(reference):
-    specification = hc.Specification(min_crossover=1e3)
+    specification = hc.Specification(uncertainty="corners", min_crossover=1e3)
     with pytest.raises(hc.InfeasibleError, match=r"x=(-1|-0.1), y=0.2 m, .* plant: .*Ms <= 1.6 binds \(x="):
         hc.tune_fixed(reference, X, Y, specification=specification)
 
@@ -169,8 +171,9 @@ def test_a_phase_margin_just_below_a_right_angle_is_reached(reference, loop, str
 
 @pytest.mark.parametrize("structure", ["pi", "pi+notch", "pid+notch"])
 @pytest.mark.parametrize("x", [[-1.0, 0.1], [-1.0, -0.1]])
-def test_a_steep_phase_margin_never_ends_in_an_unstable_loop(reference, x, structure):
-    limits = hc.Specification(phase_margin=np.radians(68.0))
+@pytest.mark.parametrize("uncertainty", ["nominal", "corners"])
+def test_a_steep_phase_margin_never_ends_in_an_unstable_loop(reference, x, structure, uncertainty):
+    limits = hc.Specification(uncertainty=uncertainty, phase_margin=np.radians(68.0))
     schedule = hc.tune(reference, x, [0.2], loop="position", structure=structure, specification=limits)
     assert schedule.margins.unstable == 0
     assert schedule.margins.worst("phase_margin", where=schedule.margins.designed).value >= np.radians(68.0) - 2e-4

@@ -225,3 +225,23 @@ def test_sampled_loops_bear_every_factor_within_their_disk_margin_and_not_beyond
     factors = _turned(share * analyse(regulated).disk_margin[..., None])[..., None, None]
     poles = np.linalg.eigvals(A[..., None, :, :] - factors * (B @ C)[..., None, :, :])
     assert np.all((np.abs(poles).max(axis=(-2, -1)) < 1.0) == stable)
+
+
+class Rounded(Published):
+    """Loops whose response is another in the last digit where one frequency a loop is asked for, as another order of sums gives."""
+
+    def frequency_response(self, omega):
+        response = super().frequency_response(omega)
+        return response * (1.0 + 4.0 * np.finfo(float).eps) if response.shape[-1] == 1 else response
+
+    def take(self, indices):
+        return Rounded([self.loops[i] for i in indices])
+
+
+def test_a_grid_frequency_that_is_a_crossing_to_within_rounding_is_the_crossing():
+    """On the grid |L| falls just below 1 at its last but one frequency, and nowhere when it is evaluated alone."""
+    s = control.tf("s")
+    first = 3.0 * (1.0 + 2.0 * np.finfo(float).eps)
+    found = analyse(Rounded([3 / s]), np.array([1.0, 2.0, first, 3.0 * (1.0 + 3.0 * np.finfo(float).eps), 6.0]))
+    assert found.crossover[0] == pytest.approx(3.0, rel=1e-14)
+    assert np.degrees(found.phase_margin[0]) == pytest.approx(90.0, rel=1e-12)

@@ -1,4 +1,4 @@
-"""Designs for the corners of the uncertainty hold over the whole box between them, and between their nodes.
+"""Designs hold over the whole box of the default uncertainty, and between their nodes.
 
 At full size (HYDROCTL_LONG=1) every structure, 60 points, the 27 models of the box and 500 random ones inside it.
 """

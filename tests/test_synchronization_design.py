@@ -120,7 +120,8 @@ def test_a_limit_below_the_uncoupled_loops_leaves_no_gain_and_says_so():
 def test_corners_of_the_specification_are_in_the_design():
     """The schedules of a design over the corners: the limit is kept on every plant, and one of the corners binds."""
     machine = hc.load_actuator("reference")
-    schedule = hc.tune(machine, [-1.0, -0.1, 0.1, 1.0], [0.0, 0.25, 0.5], loop="position", structure="pi+notch")
+    asked = {"loop": "position", "structure": "pi+notch", "specification": hc.Specification(uncertainty="corners")}
+    schedule = hc.tune(machine, [-1.0, -0.1, 0.1, 1.0], [0.0, 0.25, 0.5], **asked)
     found = design_coupling([machine] * 2, [schedule] * 2, "mean")
     loop = loops_of(schedule)
     Ms = analyse(DifferenceLoop(loop, np.full(loop.shape, found.kc), np.full(loop.shape, found.ki))).Ms

@@ -9,7 +9,7 @@ from hydroctl.testing import DampingCone, Disk, HalfPlane, assert_margins, asser
 
 @pytest.fixture(scope="module")
 def schedule(reference):
-    return hc.tune(reference, [-1.0, 1.0], [0.0, 0.25, 0.5])
+    return hc.tune(reference, [-1.0, 1.0], [0.0, 0.25, 0.5], specification=hc.Specification(uncertainty="corners"))
 
 
 def test_poles_of_the_plant_lie_left_of_their_slowest_and_not_left_of_half_of_it(family):

@@ -17,7 +17,9 @@ from hydroctl.tuning.limits import Disc, circles
 from hydroctl.tuning.nodes import choose_nodes, mixing_matrix
 
 NOMINAL = hc.Specification(uncertainty="nominal", notch_damping=(0.2, 0.7))
-CORNERS = hc.Specification(notch_damping=(0.3, 0.8))
+CORNERS = hc.Specification(uncertainty="corners")
+STUDIED = hc.Specification(uncertainty="corners", notch_damping=(0.3, 0.8))
+"""with the notch of the study"""
 AT = [0.1], [0.25]
 STUDY = [
     ("velocity", "pi", 477, 71),
@@ -56,7 +58,7 @@ def test_the_largest_proportional_gain_of_a_position_loop(reference):
 
 @pytest.mark.parametrize(("loop", "structure", "ki", "crossover"), CORNER_STUDY)
 def test_medians_over_the_grid_of_designs_for_the_corners(reference, loop, structure, ki, crossover):
-    schedule = hc.tune(reference, [-1.0, -0.1, 0.1, 1.0], [0.0, 0.25, 0.5], loop=loop, structure=structure, specification=CORNERS)
+    schedule = hc.tune(reference, [-1.0, -0.1, 0.1, 1.0], [0.0, 0.25, 0.5], loop=loop, structure=structure, specification=STUDIED)
     nodes = check_margins(schedule, schedule.x, schedule.y)
     assert np.median(schedule.ki) >= 0.97 * ki
     assert np.median(nodes.margins.crossover[0]) >= 0.97 * crossover
@@ -65,7 +67,7 @@ def test_medians_over_the_grid_of_designs_for_the_corners(reference, loop, struc
 
 
 def test_a_hundredth_more_integral_gain_breaks_a_limit_at_every_node(reference):
-    schedule = hc.tune(reference, [-0.5, 0.5], [0.1, 0.4])
+    schedule = hc.tune(reference, [-0.5, 0.5], [0.1, 0.4], specification=CORNERS)
     _, plants = sampled_plants(reference, schedule.x, schedule.y, "velocity", schedule.specification)
     more = replace(schedule.regulators, ki=1.01 * schedule.ki)
     assert np.all(analyse(Loop(plants, more.broadcast_to(plants.shape))).Ms.max(axis=0) > 1.6)
@@ -74,7 +76,7 @@ def test_a_hundredth_more_integral_gain_breaks_a_limit_at_every_node(reference):
 def test_one_fixed_regulator_holds_at_every_point_and_variant_and_costs_gain(reference):
     x, y = [-1.0, -0.02, 0.02, 1.0], np.linspace(0.0, 0.5, 5)
     for loop in ("velocity", "position"):
-        fixed, scheduled = hc.tune_fixed(reference, x, y, loop=loop), hc.tune(reference, x, y, loop=loop)
+        fixed, scheduled = (verb(reference, x, y, loop=loop, specification=CORNERS) for verb in (hc.tune_fixed, hc.tune))
         assert fixed.kp.shape == (1, 1)
         assert fixed.margins.margins.Ms.shape == scheduled.margins.margins.Ms.shape
         assert fixed.margins.worst("Ms", where=fixed.margins.designed).value <= 1.6 * 1.0001
@@ -107,11 +109,11 @@ def test_a_pure_delay_under_integral_action_reaches_the_gain_found_by_hand():
 
 def test_interpolated_gains_hold_at_every_design_point_and_cost_at_most_two_hundredths(reference):
     x, y = np.array([-1.0, -0.3, -0.02, 0.02, 0.3, 1.0]), np.linspace(0.0, 0.5, 17)
-    schedule = hc.tune(reference, x, y)
+    schedule = hc.tune(reference, x, y, specification=CORNERS)
     assert schedule.ki.size < x.size * y.size / 2
     assert schedule.margins.worst("Ms", where=schedule.margins.designed).value <= 1.6 * 1.0005
     assert schedule.margins.worst("Ms").value <= 1.605
-    alone = hc.tune(reference, [0.3], [y[3]])
+    alone = hc.tune(reference, [0.3], [y[3]], specification=CORNERS)
     assert schedule.gains(0.3, y[3]).ki >= 0.98 * alone.ki.item()
 
 
@@ -128,7 +130,7 @@ def test_nodes_are_the_fewest_from_which_a_surface_interpolates():
 
 
 def test_the_mixing_matrix_is_the_lookup(reference):
-    schedule = hc.tune(reference, [-1.0, -0.1, 0.1, 1.0], [0.0, 0.2, 0.5])
+    schedule = hc.tune(reference, [-1.0, -0.1, 0.1, 1.0], [0.0, 0.2, 0.5], specification=NOMINAL)
     x, y = np.array([-0.7, -0.01, 0.04, 0.5]), np.array([0.05, 0.3])
     mixed = mixing_matrix(schedule.x, schedule.y, x, y) @ schedule.ki.ravel()
     np.testing.assert_allclose(mixed, schedule.gains(x[:, None], y).ki.ravel(), rtol=1e-14)
@@ -183,7 +185,7 @@ def test_a_notch_that_is_left_open_stands_at_most_a_fifth_above_the_softest_plan
 def test_a_notch_that_is_left_open_allows_more_gain_over_the_corners_than_the_studys(reference, loop, least):
     open_notch, study = (
         hc.tune(reference, [-1.0, -0.1, 0.1, 1.0], [0.0, 0.25, 0.5], loop=loop, structure="pi+notch", specification=each)
-        for each in (hc.Specification(), CORNERS)
+        for each in (CORNERS, STUDIED)
     )
     assert np.median(open_notch.ki) >= least * np.median(study.ki)
     assert open_notch.margins.worst("Ms").value <= 1.62
@@ -191,7 +193,7 @@ def test_a_notch_that_is_left_open_allows_more_gain_over_the_corners_than_the_st
 
 @pytest.mark.parametrize("verb", [hc.tune, hc.tune_fixed])
 def test_a_notch_beyond_the_nyquist_frequency_is_refused(reference, verb):
-    slow = hc.Specification(sample_time=8e-3, Tf=4e-3, notch_ratio=1.0)
+    slow = hc.Specification(uncertainty="corners", sample_time=8e-3, Tf=4e-3, notch_ratio=1.0)
     with pytest.raises(hc.InputError, match=r"sample_time = 0.008 s: a notch or lead at 5\d\d.* rad/s"):
         verb(reference, [0.1], [0.2], structure="pi+notch", specification=slow)
     assert verb(reference, [0.1], [0.2], structure="pi", specification=slow).margins.unstable == 0
@@ -206,7 +208,7 @@ def test_limits_hold_between_the_points_of_a_grid_that_is_too_coarse():
     """Between five positions of this machine the limits are missed by more than 0.02; the tuner adds points until they are not."""
     machine = hc.load_actuator("asymmetric_100_70")
     y = np.linspace(0.0, machine.stroke, 5)
-    schedule = hc.tune(machine, [-1.0, -0.3, 0.3, 1.0], y, loop="position")
+    schedule = hc.tune(machine, [-1.0, -0.3, 0.3, 1.0], y, loop="position", specification=CORNERS)
     between = ~schedule.margins.designed
     assert schedule.design_y.size > y.size
     assert np.isin(y, schedule.design_y).all()

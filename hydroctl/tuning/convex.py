@@ -82,12 +82,11 @@ class Demands:
         return _weighted(self.phi, gains)
 
     def tightest(self, gains: np.ndarray) -> Demands:
-        """The demands at those rows of each point whose L comes nearest to a set with `gains` (M, t)."""
-        count = _KEPT_ROWS * len(self.limits)
-        if self.phi.shape[1] <= count:
+        """The demands at those rows of each point whose L comes nearest to each of the sets with `gains` (M, t)."""
+        if self.phi.shape[1] <= _KEPT_ROWS * len(self.limits):
             return self
-        kept = np.argpartition(-self.intrusions(gains).max(axis=0), count, axis=1)[:, :count]
-        kept.sort(axis=1)
+        nearest = np.argpartition(-self.intrusions(gains), _KEPT_ROWS, axis=2)[:, :, :_KEPT_ROWS]
+        kept = np.sort(np.concatenate(list(nearest), axis=1), axis=1)
         imposed = np.take_along_axis(self.imposed, kept[None], axis=2)
         return Demands(np.take_along_axis(self.phi, kept[:, :, None], axis=1), self.limits, imposed, self.bounds)
 

@@ -27,7 +27,7 @@ from ..schedule import GainSchedule
 from ..specification import Specification
 from .limits import limits_of, phrase
 from .refinement import broken
-from .synthesis import assemble_schedule
+from .synthesis import assemble_schedule, on_the_whole_box
 from .task import Task, task_of
 
 METHODS = ("imc", "pole-placement")
@@ -67,11 +67,22 @@ def tune_fast(
     placed miss a limit on the sampled plants, or where IMC meets none, however slow.
     """
     _require(method, loop, bandwidth)
-    task = task_of(actuator, x, y, loop, "pid" if loop == "velocity" else "p+notch", specification)
-    reduced = reduce_order(linearize(actuator, find_operating_points(actuator, task.x[:, None], task.y)))
+    made: list[FastTuning] = []
+
+    def make(task: Task) -> GainSchedule:
+        made.append(_tuned(task, method, bandwidth))
+        return made[-1].schedule
+
+    on_the_whole_box(task_of(actuator, x, y, loop, "pid" if loop == "velocity" else "p+notch", specification), make, make)
+    return made[-1]
+
+
+def _tuned(task: Task, method: str, bandwidth: float | None) -> FastTuning:
+    """The regulators of the task, held to its limits at its points and on its plants."""
+    reduced = reduce_order(linearize(task.actuator, find_operating_points(task.actuator, task.x[:, None], task.y)))
     default = _default_bandwidth(method, reduced, task.specification)
     wanted = np.broadcast_to(default if bandwidth is None else bandwidth, reduced.shape)
-    placed, reached = _regulators(method, loop, reduced, wanted, task.specification), wanted
+    placed, reached = _regulators(method, task.loop, reduced, wanted, task.specification), wanted
     if method == "imc":
         share = _slow_down(task, placed)
         placed, reached = _scaled(placed, share), share * wanted
@@ -132,7 +143,7 @@ def _slow_down(task: Task, regulators: Regulators) -> np.ndarray:
     or by bisection the largest below the first that fails."""
 
     limit = task.specification.high_frequency_gain
-    most = np.ones(regulators.shape) if limit is None else np.minimum(1.0, limit / _gain_at_nyquist(regulators))
+    most = np.ones(regulators.shape) if limit is None else np.minimum(1.0, limit / regulators.nyquist_gain)
 
     def holds(share):
         loops = Loop(task.plants, _scaled(regulators, share).broadcast_to(task.plants.shape))
@@ -180,10 +191,6 @@ def _misses(task: Task, regulators: Regulators):
         if getattr(specification, name) is not None:
             missed.append(1.0 - getattr(found, name) / getattr(specification, name))
     if specification.high_frequency_gain is not None:
-        excess = _gain_at_nyquist(regulators) / specification.high_frequency_gain - 1.0
+        excess = regulators.nyquist_gain / specification.high_frequency_gain - 1.0
         missed.append(np.broadcast_to(excess, task.plants.shape))
     return np.max(missed, axis=0), found
-
-
-def _gain_at_nyquist(regulators: Regulators) -> np.ndarray:
-    return np.abs(regulators.frequency_response([np.pi / regulators.sample_time]))[..., 0]

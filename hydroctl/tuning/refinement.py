@@ -1,7 +1,8 @@
 """Gains that keep every limit at every frequency, from linear programs that see some frequencies only.
 
 The tuner begins on a grid of frequencies, and subdivides it where L comes nearest to a limit's set. The frequencies at which the
-result still breaks a limit join the grid until none does. A gain or phase margin is imposed near the crossings that miss it.
+result still breaks a limit join the grid until none does. A gain or phase margin is imposed near the crossings that miss it, on a
+finer grid.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ _NEAR = 0.35
 _NEAREST = 8
 _PARTS = 8
 _WINDOW = 1.5
+_ACROSS = 81
+"""frequencies throughout the window of a margin: with few of them L crosses the thin set of a phase margin between two"""
 _TOLERANCE = {"Ms": 2.5e-5, "Mt": 2.5e-5, "gain_margin": 1e-4, "phase_margin": 1e-4}
 """how far L may enter the sets of Ms and Mt (1e-4 of either at most), and what may lack of the margins (relative, rad)"""
 _DISTANT = -0.05
@@ -95,16 +98,27 @@ def exact_gains(problem: Problem, start: np.ndarray) -> np.ndarray:
     for _ in range(_ROUNDS):
         demands = problem.demands(omega, windows)
         outside = retreat(demands, problem.mix, gains, find_safe)
-        if np.allclose(outside, gains, rtol=_NEAR):
-            demands = demands.tightest(problem.mix @ outside)
-        gains = largest_gains(demands, problem.mix, outside, task.objective, problem.worth)
+        gains = _larger(problem, demands, outside, seen=np.allclose(outside, gains, rtol=_NEAR))
         found = _shortfalls(problem.loops(gains), limits_of(task.specification), omega)
         if all((shortfall.worst <= _TOLERANCE[name]).all() for name, shortfall in found.items()):
             break
         windows = {name: found[name].widened(window) for name, window in windows.items()}
-        omega = np.sort(np.concatenate([omega, *(shortfall.omega[..., None] for shortfall in found.values())], axis=-1), axis=-1)
+        more = [found[name].across(window, highest=omega[..., -1:]) for name, window in windows.items()]
+        worst = [shortfall.omega[..., None] for shortfall in found.values()]
+        omega = np.sort(np.concatenate([omega, *worst, *more], axis=-1), axis=-1)
     _require_kept(problem, gains, found)
     return gains
+
+
+def _larger(problem: Problem, demands: Demands, gains: np.ndarray, *, seen: bool) -> np.ndarray:
+    """(N, t): the largest gains from `gains`, of which `seen` says that near them the critical frequencies are known: then they
+    are found on the tightest rows, unless they come out so far away that other rows may count there."""
+    mix, objective, worth = problem.mix, problem.task.objective, problem.worth
+    if seen:
+        found = largest_gains(demands.tightest(mix @ gains), mix, gains, objective, worth)
+        if np.allclose(found, gains, rtol=_NEAR):
+            return found
+    return largest_gains(demands, mix, gains, objective, worth)
 
 
 def _safe(problem: Problem, omega: np.ndarray) -> np.ndarray:
@@ -144,6 +158,15 @@ class _Shortfall:
         """`window` (variants, nx, ny, 2), made to hold what lies around the crossings that break the limit."""
         low, high = window[..., 0], window[..., 1]
         return np.stack([np.minimum(low, self.lowest / _WINDOW), np.maximum(high, self.highest * _WINDOW)], axis=-1)
+
+    def across(self, window: np.ndarray, highest: np.ndarray) -> np.ndarray:
+        """(variants, nx, ny, n) rad/s: frequencies throughout `window` (variants, nx, ny, 2), but not above `highest`, of the loops
+        that break the limit; of the others `omega` alone."""
+        low, high = window[..., :1], np.minimum(window[..., 1:], highest)
+        across = np.repeat(self.omega[..., None], _ACROSS, axis=-1)
+        broken = np.isfinite(self.lowest)
+        across[broken] = low[broken] * (high[broken] / low[broken]) ** np.linspace(0.0, 1.0, _ACROSS)
+        return across
 
 
 def _shortfalls(loops: Loop, limits: dict[str, Limit], omega: np.ndarray) -> dict[str, _Shortfall]:

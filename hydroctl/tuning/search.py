@@ -2,15 +2,17 @@
 
 For fixed notch, sections and derivative filter the best gains are a convex matter (see `convex`). These settings themselves are
 searched: on a coarse grid around those of the specification, then by Nelder-Mead from the best of them. Every trial is a full
-convex design at a few points, on all plants, and counts only if the poles of its sampled loops are stable. The settings are scaled
-logarithmically; the first trial is the specification as it stands, so that the gain is never smaller. What a larger gain does to
-the motion is not asked here (see `hydroctl.searched_tuning`).
+convex design at a few points, on all plants (of a box, on its corners and on those that are worst for the specification's own
+settings), and counts only if the poles of its sampled loops are stable. The settings are scaled logarithmically; the first trial is
+the specification as it stands, so that the gain is never smaller. What a larger gain does to the motion is not asked here (see
+`hydroctl.searched_tuning`).
 """
 
 from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,8 +20,9 @@ import numpy as np
 from ..errors import InfeasibleError, InputError
 from ..regulators import GAINS, section_count
 from ..schedule import GainSchedule
+from ..specification import counted_changes
 from .refinement import Problem, rough_gains
-from .synthesis import schedule_for
+from .synthesis import schedule_for, scheduled, worst_plants
 from .task import Task
 
 _GRID = (0.6, 1.0, 1.7)
@@ -59,6 +62,7 @@ def search_settings(task: Task) -> SearchedSettings:
     if not own:
         raise InputError(f"structure {task.structure!r} has neither notch nor section nor derivative to be searched for; use tune.")
     few = task.part(_spread(task.x.size), _spread(task.y.size))
+    few = few.with_plants(_tried_plants(few))
     trials: list[tuple[dict[str, float], float]] = []
     base = _gain(few)
 
@@ -74,6 +78,14 @@ def search_settings(task: Task) -> SearchedSettings:
     if ratio < 1.0:
         schedule, best, ratio = specified, own, 1.0
     return SearchedSettings(schedule, specified, best, ratio, tuple(trials))
+
+
+def _tried_plants(task: Task) -> tuple[Mapping[str, float], ...]:
+    """What further plants of the task's box differ by on which settings are tried: the corners, so that none is worst for the
+    specification's own settings alone, and those that are worst for these; none without a box."""
+    corners = counted_changes(task.actuator, task.specification.uncertainty)
+    others = [*corners, *worst_plants(task, scheduled)]
+    return tuple(change for k, change in enumerate(others) if change not in [*task.changes, *others[:k]])
 
 
 def _settings(task: Task) -> dict[str, float]:

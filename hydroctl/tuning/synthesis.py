@@ -49,7 +49,7 @@ def tune(
 
 def schedule_for(task: Task) -> GainSchedule:
     """The schedule of `tune` for a task."""
-    return on_the_whole_box(task, _dense_schedule, _scheduled)
+    return on_the_whole_box(task, _dense_schedule, scheduled)
 
 
 def on_the_whole_box(task: Task, make: Callable[[Task], GainSchedule], make_few: Callable[[Task], GainSchedule]) -> GainSchedule:
@@ -58,9 +58,15 @@ def on_the_whole_box(task: Task, make: Callable[[Task], GainSchedule], make_few:
     if not box_of(task.actuator, task.specification.uncertainty):
         return make(task)
     few = task.part(_few(task.x), _few(task.y))
-    binding = _binding_plants(*_until_none_is_worse(few, make_few, search_design_points))
-    schedule, _ = _until_none_is_worse(task.with_plants(binding), make, search_box)
+    schedule, _ = _until_none_is_worse(task.with_plants(worst_plants(few, make_few)), make, search_box)
     return schedule
+
+
+def worst_plants(task: Task, make: Callable[[Task], GainSchedule]) -> tuple[Mapping[str, float], ...]:
+    """What those plants of the task's box differ by on which designs of `make` are worst at its points; none without a box."""
+    if not box_of(task.actuator, task.specification.uncertainty):
+        return ()
+    return _binding_plants(*_until_none_is_worse(task, make, search_design_points))
 
 
 def _until_none_is_worse(task: Task, make, search) -> tuple[GainSchedule, Task]:
@@ -92,17 +98,17 @@ def _few(nodes: np.ndarray) -> np.ndarray:
 
 def _dense_schedule(task: Task) -> GainSchedule:
     """The schedule that keeps every limit at the points of `task`, and at those half-way between them that it needs."""
-    schedule = _scheduled(task)
+    schedule = scheduled(task)
     for _ in range(_DENSER):
         x, y = _needed_points(task, schedule)
         if x.size == task.x.size and y.size == task.y.size:
             break
         task = task.at(x, y)
-        schedule = _scheduled(task)
+        schedule = scheduled(task)
     return schedule
 
 
-def _scheduled(task: Task) -> GainSchedule:
+def scheduled(task: Task) -> GainSchedule:
     """The schedule that keeps every limit at the points of `task`."""
     alone = rough_gains(Problem.pointwise(task))
     best = alone[:, task.objective].reshape(task.notch_frequency.shape)

@@ -126,13 +126,13 @@ def standings(reports: Mapping[str, ValidationReport]) -> dict[str, Standing]:
 
 def against_rivals(schedule: GainSchedule, fixed: GainSchedule) -> dict[str, Standing]:
     """How `schedule`, and a bare P and a P with feed-forward where a P can meet the limits, stand against `fixed`: steps, ramps,
-    sines and loads on all plants of the design."""
+    sines and loads on all plants of the design of `schedule`."""
     schedules = {"fixed": fixed, "scheduled": schedule}
     with suppress(InfeasibleError):
         schedules |= proportional_rivals(schedule)
     machine, common = schedule.actuator, {"Ts": schedule.Ts}
     scenarios = [*step_scenarios(machine, schedule.loop, **common), *tracking_scenarios(machine, schedule.loop, **common)]
-    asked = {"scenarios": scenarios, "variants": "design", "requirements": ()}
+    asked = {"scenarios": scenarios, "variants": plants_of(machine, schedule, "design"), "requirements": ()}
     return standings({name: validate(machine, each, **asked) for name, each in schedules.items()})
 
 
