@@ -31,7 +31,7 @@ _STRIDE = 5
 _STRETCH = 1.4
 _FIRST_STEP, _LAST_STEP = 0.125, 0.01
 """of the climb, in widths of the box"""
-_TOLERATED = 0.2 * ALLOWANCE, 0.85 * ALLOWANCE
+_TOLERATED = 0.2 * ALLOWANCE, 0.7 * ALLOWANCE
 """by how much a limit may be missed at the design points, and between them, before a plant counts as worse"""
 _CLIMBS, _FEW_CLIMBS = 8, 2
 """openings, the worst of the sample, from which a climb starts for each limit"""
