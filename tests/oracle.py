@@ -176,3 +176,21 @@ def margins(plant, Ts, law) -> Found:
         crossover=float(gains.max(initial=0.0)),
         stable=bool(np.abs(closed).max() < 1.0),
     )
+
+
+def allowed_scales(L, Ms, Mt):
+    """[(lowest, highest)]: the factors k > 0 on the loop gains L (n,) with which nowhere |S| > Ms or |T| > Mt, in closed form.
+
+    |1 + k L| = 1/Ms and |k L| = Mt |1 + k L| are quadratic in k: each frequency forbids what lies between its two roots.
+    """
+    size, real, forbidden = np.abs(L) ** 2, np.real(L), []
+    for a, b, c in ((size, 2.0 * real, 1.0 - Ms**-2), (size * (Mt**2 - 1.0), 2.0 * Mt**2 * real, Mt**2)):
+        inside = b * b - 4.0 * a * c
+        some = (inside > 0.0) & (b < 0.0)
+        root = np.sqrt(inside[some])
+        forbidden.append(np.stack([-b[some] - root, -b[some] + root]) / (2.0 * a[some]))
+    low, high = np.concatenate(forbidden, axis=1)
+    order = np.argsort(low)
+    low, reached = low[order], np.concatenate([[0.0], np.maximum.accumulate(high[order])])
+    gaps = np.append(low, np.inf) > reached
+    return [(float(a), float(b)) for a, b in zip(reached[gaps], np.append(low, np.inf)[gaps], strict=True)]

@@ -1,7 +1,6 @@
 """Position loops with P at the sample times of a PLC, where resonances are folded: true Ms, and gains against a closed form.
 
-For one plant the largest kp is known in closed form: at every frequency |1 + kp G| = 1/Ms and |kp G| = Mt |1 + kp G| are quadratic
-in kp, and the least positive root over all frequencies is where the first limit is met.
+For one plant the largest kp is known in closed form (`oracle.allowed_scales`).
 """
 
 import math
@@ -29,25 +28,22 @@ def sampled_plant(actuator, x, y, Ts):
 
 
 def largest_gain(plant, Ts, Ms, Mt):
-    """The least kp at which |S| = Ms or |T| = Mt somewhere."""
+    """The largest kp from 0 on with which nowhere |S| > Ms or |T| > Mt."""
     F, G, c = plant
     poles, vectors = np.linalg.eig(F)
     weights = (c @ vectors) * np.linalg.solve(vectors, G)
 
-    def first(omega):
-        P = (weights / (np.exp(1j * omega * Ts)[:, None] - poles)).sum(axis=1)
-        size, real, found = np.abs(P) ** 2, P.real, np.full(omega.size, np.inf)
-        for a, b, c in ((size, 2.0 * real, 1.0 - Ms**-2), (size * (Mt**2 - 1.0), 2.0 * Mt**2 * real, Mt**2)):
-            inside = b * b - 4.0 * a * c
-            crosses = (inside >= 0.0) & (b < 0.0)
-            found = np.where(crosses, np.minimum(found, 2.0 * c / (-b + np.sqrt(np.maximum(inside, 0.0)))), found)
-        return found
+    def response(omega):
+        return (weights / (np.exp(1j * omega * Ts)[:, None] - poles)).sum(axis=1)
 
     omega = np.union1d(oracle.frequencies(poles, Ts), np.linspace(1e-4, 1.0, 2001) * math.pi / Ts)
     for _ in range(3):
-        k = int(np.argmin(first(omega)))
+        (_, kp), *_ = oracle.allowed_scales(response(omega), Ms, Mt)
+        loop = kp * response(omega)
+        nearest = np.minimum(np.abs(1.0 + loop) * Ms, Mt * np.abs(1.0 + 1.0 / loop))
+        k = int(np.argmin(nearest))
         omega = np.linspace(omega[max(k - 1, 0)], omega[min(k + 1, omega.size - 1)], 2001)
-    return float(first(omega).min())
+    return kp
 
 
 @pytest.fixture(scope="module", params=CASES, ids=[f"{machine} {1e3 * Ts:g} ms" for machine, Ts in CASES])

@@ -23,7 +23,7 @@ from ..schedule import GainSchedule, WorstPoint, sampled, with_midpoints
 from ..specification import box_of, variant_label
 from .limits import ALLOWANCE
 
-_SAMPLE = 120
+_SAMPLE = 240
 _ROWS, _COLUMNS = 10, 13
 """openings and positions at which a plant of the sample is looked at"""
 _STRIDE = 5
@@ -124,7 +124,7 @@ class _Search:
             rows, columns = (self.spread(k, size, most) for size, most in ((self.x.size, _ROWS), (self.y.size, _COLUMNS)))
             if k < len(corners):
                 rows, columns = np.arange(self.x.size), np.arange(self.y.size)
-            excess = self.excess(plant[None], rows, columns, _COARSE)[:, 0]
+            excess = self.missed(self.loops(plant[None], rows, columns), _COARSE)[:, 0] - self.tolerated[np.ix_(rows, columns)]
             for limit, r in np.ndindex(excess.shape[:2]):
                 c = int(np.argmax(excess[limit, r]))
                 place = _Place(limit, plant, int(rows[r]), int(columns[c]), float(excess[limit, r, c]))
@@ -139,19 +139,19 @@ class _Search:
 
     def stands_for(self, plant: np.ndarray, top: _Place) -> bool:
         """Whether a design that counts `plant` takes care of `top`."""
-        excess = self.excess(plant[None], [top.i], [top.j], _FINE)[top.limit].item()
+        excess = self.excess(plant[None], [top.i], [top.j])[top.limit].item()
         return excess >= _COVERED * top.excess
 
     def climb(self, start: _Place) -> _Place:
         """Uphill from `start`: to the best of the neighbours in the box, then among the points, or to shorter steps."""
         limit, plant, i, j, step = start.limit, start.plant, start.i, start.j, _FIRST_STEP
-        excess = self.excess(plant[None], [i], [j], _FINE)[limit].item()
+        excess = self.excess(plant[None], [i], [j])[limit].item()
         while step >= _LAST_STEP:
             moves = step * np.concatenate([np.eye(plant.size), -np.eye(plant.size)])
             near = np.unique(np.clip(plant + moves, 0.0, 1.0), axis=0)
             rows, columns = (_beside(k, size) for k, size in ((i, self.x.size), (j, self.y.size)))
-            in_box = self.excess(near, [i], [j], _FINE)[limit, :, 0, 0]
-            around = self.excess(plant[None], rows, columns, _FINE)[limit, 0]
+            in_box = self.excess(near, [i], [j])[limit, :, 0, 0]
+            around = self.excess(plant[None], rows, columns)[limit, 0]
             if max(in_box.max(), around.max()) <= excess:
                 step /= 2.0
             elif in_box.max() >= around.max():
@@ -161,13 +161,16 @@ class _Search:
                 i, j, excess = rows[row], columns[column], float(around.max())
         return _Place(limit, plant, i, j, excess)
 
-    def excess(self, plants: np.ndarray, rows, columns, frequencies: int) -> np.ndarray:
-        """(limits, plants, rows, columns); infinite where the loop is unstable; Ms and Mt from so many frequencies."""
+    def excess(self, plants: np.ndarray, rows, columns) -> np.ndarray:
+        """(limits, plants, rows, columns); infinite where the loop is unstable."""
         loops = self.loops(plants, rows, columns)
-        found = _on_grid(loops, frequencies) if self.only_peaks else analyse(loops)
-        missed = np.stack([_EXCESS[name](found, limit) for name, limit in self.limits.items()])
         stable = np.abs(loops.poles()).max(axis=-1) < 1.0
-        return np.where(stable, missed, np.inf) - self.tolerated[np.ix_(rows, columns)]
+        return np.where(stable, self.missed(loops, _FINE), np.inf) - self.tolerated[np.ix_(rows, columns)]
+
+    def missed(self, loops: Loop, frequencies: int) -> np.ndarray:
+        """(limits, plants, rows, columns): by how much each limit is missed; Ms and Mt from so many frequencies."""
+        found = _on_grid(loops, frequencies) if self.only_peaks else analyse(loops)
+        return np.stack([_EXCESS[name](found, limit) for name, limit in self.limits.items()])
 
     def loops(self, plants: np.ndarray, rows, columns) -> Loop:
         """(plants, rows, columns)"""
