@@ -162,7 +162,7 @@ def test_a_design_holds_on_random_plants_of_its_box_and_uphill_from_the_worst(ca
     worst = worst_of(schedule, random_plants(schedule.actuator, box, PLANTS, seed=2))
     for name, limit, place in zip(("Ms", "Mt"), (1.62, 1.32), worst, strict=True):
         top = climbed(schedule, box, place, name)
-        record_property(f"largest {name}", top)
+        record_property(f"largest {name}", float(top))
         assert max(top, place[0]) <= limit
 
 
