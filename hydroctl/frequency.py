@@ -191,7 +191,7 @@ def frequency_grid(plant: SampledFamily, *, points: int = 120) -> np.ndarray:
     """
     nyquist = np.pi / plant.sample_time
     coarse = np.geomspace(LOWEST_FREQUENCY * nyquist, nyquist, points)
-    dense = about_modes(plant.eigenvalues, plant.sample_time)
+    dense = np.maximum(about_modes(plant.eigenvalues, plant.sample_time), coarse[0])
     return merged(np.broadcast_to(coarse, (*plant.shape, points)), dense)
 
 

@@ -9,6 +9,7 @@ proves anything: what they find is a lower bound of the worst.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -22,15 +23,15 @@ from ..schedule import GainSchedule, WorstPoint, sampled, with_midpoints
 from ..specification import box_of, variant_label
 from .limits import ALLOWANCE
 
-_SAMPLE = 64
-_COLUMNS = 9
-"""positions of the sample"""
+_SAMPLE = 120
+_ROWS, _COLUMNS = 10, 13
+"""openings and positions at which a plant of the sample is looked at"""
+_STRIDE = 5
+"""of the first of them, from one plant to the next"""
 _STRETCH = 1.4
 _FIRST_STEP, _LAST_STEP = 0.125, 0.01
 """of the climb, in widths of the box"""
-_BATCH = 1e7
-"""values of a loop that are held at once"""
-_TOLERATED = 0.2 * ALLOWANCE, 0.85 * ALLOWANCE
+_TOLERATED = 0.2 * ALLOWANCE, 0.7 * ALLOWANCE
 """by how much a limit may be missed at the design points, and between them, before a plant counts as worse"""
 _CLIMBS, _FEW_CLIMBS = 8, 2
 """openings, the worst of the sample, from which a climb starts for each limit"""
@@ -100,66 +101,73 @@ class _Search:
         stated = {name: getattr(schedule.specification, name) for name in _EXCESS}
         self.limits = {name: limit for name, limit in stated.items() if limit is not None}
         self.only_peaks = set(self.limits) <= {"Ms", "Mt"}
-        self.columns = np.unique(np.linspace(0, y.size - 1, _COLUMNS).round().astype(int))
 
     def result(self, climbs: int) -> BoxSearch:
-        plants = _sample(len(self.box))
-        excess = self.screened(plants)
-        tops, worst, worse = [], {}, []
+        starts, tops, worst, worse = self.starts(), [], {}, []
         for limit, name in enumerate(self.limits):
-            for i in np.argsort(-excess[limit].max(axis=(0, 2)))[:climbs]:
-                plant, column = _argmax(excess[limit, :, i])
-                tops.append(self.climb(limit, plants[plant], int(i), int(self.columns[column])))
-            worst[name] = self.point(name, max([top for top in tops if top.limit == limit], key=_by_excess))
-        left = [top for top in tops if top.excess > 0.0]
-        while left and len(worse) < _AT_ONCE:
-            plant = max(left, key=_by_excess).plant
+            highest = sorted((start for start in starts if start.limit == limit), key=_by_excess)[-climbs:]
+            found = [self.climb(start) for start in highest]
+            worst[name] = self.point(name, max(found, key=_by_excess))
+            tops += [top for top in found if top.excess > 0.0]
+        while tops and len(worse) < _AT_ONCE:
+            plant = max(tops, key=_by_excess).plant
             worse.append(self.change(plant))
-            left = [top for top in left if not self.stands_for(plant, top)]
+            tops = [top for top in tops if not self.stands_for(plant, top)]
         return BoxSearch(worst, tuple(worse))
+
+    def starts(self) -> list[_Place]:
+        """The worst place of the sample at every opening for every limit: the corners of the box at all points, then each other
+        plant at points of its own, evenly spread."""
+        best: dict[tuple[int, int], _Place] = {}
+        corners, inside = _sample(len(self.box))
+        for k, plant in enumerate([*corners, *inside]):
+            rows, columns = (self.spread(k, size, most) for size, most in ((self.x.size, _ROWS), (self.y.size, _COLUMNS)))
+            if k < len(corners):
+                rows, columns = np.arange(self.x.size), np.arange(self.y.size)
+            excess = self.excess(plant[None], rows, columns, _COARSE)[:, 0]
+            for limit, r in np.ndindex(excess.shape[:2]):
+                c = int(np.argmax(excess[limit, r]))
+                place = _Place(limit, plant, int(rows[r]), int(columns[c]), float(excess[limit, r, c]))
+                best[limit, place.i] = max(best.get((limit, place.i), place), place, key=_by_excess)
+        return list(best.values())
+
+    @staticmethod
+    def spread(k: int, size: int, most: int) -> np.ndarray:
+        """About `most` of `size` indices at equal steps, from another one for every k."""
+        step = math.ceil(size / most)
+        return np.arange(_STRIDE * k % step, size, step)
 
     def stands_for(self, plant: np.ndarray, top: _Place) -> bool:
         """Whether a design that counts `plant` takes care of `top`."""
-        excess = self.exact(plant[None], [top.i], [top.j])[top.limit].item()
+        excess = self.excess(plant[None], [top.i], [top.j], _FINE)[top.limit].item()
         return excess >= _COVERED * top.excess
 
-    def climb(self, limit: int, plant: np.ndarray, i: int, j: int) -> _Place:
-        """Uphill from `plant` at point (i, j): to the best of the neighbours in the box, then among the points, or to shorter
-        steps."""
-        step, excess = _FIRST_STEP, self.exact(plant[None], [i], [j])[limit].item()
+    def climb(self, start: _Place) -> _Place:
+        """Uphill from `start`: to the best of the neighbours in the box, then among the points, or to shorter steps."""
+        limit, plant, i, j, step = start.limit, start.plant, start.i, start.j, _FIRST_STEP
+        excess = self.excess(plant[None], [i], [j], _FINE)[limit].item()
         while step >= _LAST_STEP:
             moves = step * np.concatenate([np.eye(plant.size), -np.eye(plant.size)])
             near = np.unique(np.clip(plant + moves, 0.0, 1.0), axis=0)
             rows, columns = (_beside(k, size) for k, size in ((i, self.x.size), (j, self.y.size)))
-            in_box, around = self.exact(near, [i], [j])[limit, :, 0, 0], self.exact(plant[None], rows, columns)[limit, 0]
+            in_box = self.excess(near, [i], [j], _FINE)[limit, :, 0, 0]
+            around = self.excess(plant[None], rows, columns, _FINE)[limit, 0]
             if max(in_box.max(), around.max()) <= excess:
                 step /= 2.0
             elif in_box.max() >= around.max():
                 plant, excess = near[np.argmax(in_box)], float(in_box.max())
             else:
-                (row, column), excess = _argmax(around), float(around.max())
-                i, j = rows[row], columns[column]
+                row, column = np.unravel_index(np.argmax(around), around.shape)
+                i, j, excess = rows[row], columns[column], float(around.max())
         return _Place(limit, plant, i, j, excess)
 
-    def exact(self, plants: np.ndarray, rows: list[int], columns: list[int]) -> np.ndarray:
-        """(limits, plants, rows, columns) excesses; infinite where the loop is unstable."""
+    def excess(self, plants: np.ndarray, rows, columns, frequencies: int) -> np.ndarray:
+        """(limits, plants, rows, columns); infinite where the loop is unstable; Ms and Mt from so many frequencies."""
         loops = self.loops(plants, rows, columns)
-        found = _on_grid(loops, _FINE) if self.only_peaks else analyse(loops)
+        found = _on_grid(loops, frequencies) if self.only_peaks else analyse(loops)
         missed = np.stack([_EXCESS[name](found, limit) for name, limit in self.limits.items()])
         stable = np.abs(loops.poles()).max(axis=-1) < 1.0
         return np.where(stable, missed, np.inf) - self.tolerated[np.ix_(rows, columns)]
-
-    def screened(self, plants: np.ndarray) -> np.ndarray:
-        """(limits, plants, mx, columns) excesses at some columns; of Ms and Mt on a grid of frequencies."""
-        rows = np.arange(self.x.size)
-        size = rows.size * self.columns.size * _COARSE
-        batches = np.array_split(plants, max(1, round(len(plants) * size / _BATCH)))
-        found = [self._screened(self.loops(batch, rows, self.columns)) for batch in batches]
-        return np.concatenate(found, axis=1) - self.tolerated[:, self.columns]
-
-    def _screened(self, loops: Loop) -> np.ndarray:
-        found = _on_grid(loops, _COARSE) if self.only_peaks else analyse(loops)
-        return np.stack([_EXCESS[name](found, limit) for name, limit in self.limits.items()])
 
     def loops(self, plants: np.ndarray, rows, columns) -> Loop:
         """(plants, rows, columns)"""
@@ -195,16 +203,16 @@ def _on_grid(loops: Loop, points: int) -> _Peaks:
     return _Peaks(S.max(axis=-1), (np.abs(L) * S).max(axis=-1))
 
 
-def _sample(parameters: int) -> np.ndarray:
-    """(n, parameters) from 0 to 1: the corners, then the sequence of the generalized golden ratio (Roberts, 2018), stretched
-    beyond the faces and brought back onto them."""
+def _sample(parameters: int) -> tuple[np.ndarray, np.ndarray]:
+    """(corners, others), each (n, parameters) from 0 to 1: the others are the sequence of the generalized golden ratio (Roberts,
+    2018), stretched beyond the faces and brought back onto them."""
     corners = np.array(list(itertools.product((0.0, 1.0), repeat=parameters)))
     ratio = 2.0
     for _ in range(_SAMPLE):
         ratio = (1.0 + ratio) ** (1.0 / (parameters + 1.0))
     steps = ratio ** -np.arange(1.0, parameters + 1.0)
     inside = (0.5 + np.arange(1, _SAMPLE + 1)[:, None] * steps) % 1.0
-    return np.unique(np.concatenate([corners, np.clip(0.5 + _STRETCH * (inside - 0.5), 0.0, 1.0)]), axis=0)
+    return corners, np.clip(0.5 + _STRETCH * (inside - 0.5), 0.0, 1.0)
 
 
 def _beside(index: int, size: int) -> list[int]:
@@ -214,7 +222,3 @@ def _beside(index: int, size: int) -> list[int]:
 
 def _by_excess(place: _Place) -> float:
     return place.excess
-
-
-def _argmax(values: np.ndarray) -> tuple[int, ...]:
-    return tuple(int(k) for k in np.unravel_index(np.argmax(values), values.shape))
