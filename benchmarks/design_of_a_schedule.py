@@ -1,7 +1,8 @@
 """J4: the largest integral gains of PI + notch at 60 points of the reference machine, held over nominal plant and four corners.
 
 Times are per point; the peers, which tune every point for itself, are timed at one. Errors are by how much the largest Ms or Mt of
-all plants exceeds its limit there, relative; NaN where a loop is unstable. Last the whole design, with the times of its stages.
+all plants exceeds its limit there, relative; NaN where a loop is unstable. Last the whole design, for the whole box, with the times
+of its stages.
 """
 
 from __future__ import annotations
@@ -26,16 +27,16 @@ _STRUCTURE = "pi+notch"
 
 def rows(*, smallest: bool) -> list[Row]:
     """Six openings by ten positions and a whole design, or two by two and none."""
-    actuator, specification = hc.load_actuator("reference"), hc.Specification()
+    actuator, specification = hc.load_actuator("reference"), hc.Specification(uncertainty="corners")
     x = np.array([-1.0, 1.0] if smallest else [-1.0, -0.3, -0.02, 0.02, 0.3, 1.0])
     y = np.linspace(0.0, 0.5, 2 if smallest else 10)
     _, plants = sampled_plants(actuator, x, y, "velocity", specification)
     first = plants.shape[1] * plants.shape[2] * np.arange(plants.shape[0])
-    best = hc.tune(actuator, x, y, structure=_STRUCTURE)
+    best = hc.tune(actuator, x, y, structure=_STRUCTURE, specification=specification)
     point = _Point(plants.take(first), best.specification)
 
     def tuned():
-        schedule = hc.tune(actuator, x, y, structure=_STRUCTURE)
+        schedule = hc.tune(actuator, x, y, structure=_STRUCTURE, specification=specification)
         return _excess(plants, schedule.gains(x[:, None], y).broadcast_to(plants.shape), specification)
 
     def share(method):

@@ -61,7 +61,7 @@ def test_the_gain_at_every_node_is_the_largest_that_the_limits_allow(schedule, r
     for i, j in nodes[:: math.ceil(len(nodes) / NODES)]:
         plant = sampled_plant(schedule.actuator, schedule.x[i], schedule.y[j], schedule.Ts)
         share.append(schedule.kp[i, j] / largest_gain(plant, schedule.Ts, 1.6, 1.3))
-    record_property("least share", min(share))
+    record_property("least share", float(min(share)))
     assert min(share) >= 0.97
     assert max(share) <= 1.001, "the tuner's grid leaves 1e-4 of Ms"
 
@@ -76,5 +76,5 @@ def test_anywhere_between_the_points_Ms_stays_below_1_62(schedule, record_proper
         found = oracle.margins(sampled_plant(schedule.actuator, x, y, schedule.Ts), schedule.Ts, law)
         assert found.stable
         largest = max(largest, found.Ms)
-    record_property("largest Ms", largest)
+    record_property("largest Ms", float(largest))
     assert largest <= 1.62
