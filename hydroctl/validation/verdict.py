@@ -57,8 +57,10 @@ class Verdict:
             return f"note  {self.name}: {achieved}, {self.reason} is not stated  ({self.scenario}; {self.variant})"
         sign, word = (("<=", ">=")[self.at_least], "pass") if self.passed else ((">", "<")[self.at_least], "FAIL")
         achieved, limit = apart(self.achieved, self.limit, digits=4)
-        where = f"{self.scenario}; {self.variant}"
-        return f"{word}  {self.name}: {achieved} {sign} {limit} {self.unit}".rstrip() + f"  ({where})"
+        where = f"({self.scenario}; {self.variant})"
+        if self.achieved == self.limit:
+            return f"{word}  {self.name}: " + f"{achieved} {self.unit}".rstrip() + f", the limit  {where}"
+        return f"{word}  {self.name}: {achieved} {sign} {limit} {self.unit}".rstrip() + f"  {where}"
 
 
 def failures(verdicts: Iterable[Verdict]) -> tuple[str, ...]:
