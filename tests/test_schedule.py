@@ -31,15 +31,15 @@ def test_lookup_returns_the_table_at_its_nodes(schedule):
 
 
 def test_lookup_is_bilinear_on_each_side(schedule):
-    found = schedule.gains(0.02 + 0.98 * 0.3, 0.25 * 0.4)
+    found = schedule.gains(0.02 + 0.98 * 0.3, schedule.y[1] * 0.4)
     corner = schedule.ki[2:4, 0:2]
     assert found.ki == pytest.approx([0.7, 0.3] @ corner @ [0.6, 0.4], rel=1e-12)
 
 
 def test_lookup_is_clipped_and_never_crosses_zero(schedule):
     np.testing.assert_array_equal(schedule.gains([0.0, 1e-6, 0.01], -1.0).ki, schedule.ki[2, 0])
-    np.testing.assert_array_equal(schedule.gains([-1e-6, -0.01], 9.0).ki, schedule.ki[1, 2])
-    np.testing.assert_array_equal(schedule.gains([5.0], 0.25).ki, schedule.ki[3, 1])
+    np.testing.assert_array_equal(schedule.gains([-1e-6, -0.01], 9.0).ki, schedule.ki[1, -1])
+    np.testing.assert_array_equal(schedule.gains([5.0], schedule.y[1]).ki, schedule.ki[3, 1])
 
 
 def test_a_schedule_with_nodes_on_one_side_serves_both(reference):
@@ -48,7 +48,8 @@ def test_a_schedule_with_nodes_on_one_side_serves_both(reference):
 
 
 def test_the_margins_cover_nodes_and_midpoints_of_every_variant(schedule):
-    assert schedule.margins.margins.Ms.shape == (5, 6, 5)
+    variants, openings = 5, 4
+    assert schedule.margins.margins.Ms.shape == (variants, 2 * openings - 2, 2 * schedule.design_y.size - 1)
     assert schedule.margins.designed.sum() == schedule.x.size * schedule.y.size
     assert 0.0 not in schedule.margins.x
 
@@ -163,7 +164,7 @@ def test_a_file_with_any_one_field_spoilt_is_refused(saved, tmp_path, change):
         (("scheduling", "axes", 0, "values"), [-1.0, 0.02, -0.02, 1.0], "not strictly ascending"),
         (("scheduling", "axes", 1, "values"), [0.0, 0.25, 0.25], "not strictly ascending"),
         (("scheduling", "axes", 0, "values"), [-1.0, 0.0, 0.02, 1.0], "must not have a node at 0"),
-        (("scheduling", "tables", 1, "values"), [[1.0, 2.0, 3.0]], "table ki is not 4 rows of 3 values"),
+        (("scheduling", "tables", 1, "values"), [[1.0, 2.0, 3.0]], "table ki is not 4 rows of 4 values"),
         (("actuator", "parameters", "mass", "value"), 400.0, "does not belong to"),
         (("actuator", "parameters", "mass", "value"), -400.0, "mass = -400 kg must be above 0"),
         (("actuator", "parameters", "mass", "unit"), "g", "unit"),

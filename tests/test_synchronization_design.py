@@ -16,10 +16,11 @@ from hydroctl.synchronization.coupling import COUPLINGS, coupling_matrix
 from hydroctl.synchronization.design import DifferenceLoop, group_poles
 
 
-def loops_of(schedule):
-    """The loops (1, nx, ny) at the design points."""
-    _, plants = sampled_plants(schedule.actuator, schedule.design_x, schedule.design_y, "position", schedule.specification)
-    return Loop(plants, schedule.gains(schedule.design_x[:, None], schedule.design_y).broadcast_to(plants.shape))
+def loops_of(schedule, y=None):
+    """The loops (1, nx, ny) at the design openings, and at the design positions or at y."""
+    y = schedule.design_y if y is None else np.array([y])
+    _, plants = sampled_plants(schedule.actuator, schedule.design_x, y, "position", schedule.specification)
+    return Loop(plants, schedule.gains(schedule.design_x[:, None], y).broadcast_to(plants.shape))
 
 
 def opened(loop):
@@ -90,11 +91,9 @@ def test_the_gains_are_the_largest_that_keep_the_limit(name, Ms):
 
     assert worst(1.0) == pytest.approx(evidence.Ms, rel=1e-4)
     assert worst(1.02) > Ms
-    row, column = (
-        np.flatnonzero(nodes == at)[0]
-        for nodes, at in zip((schedules[0].design_x, schedules[0].design_y), (evidence.x, evidence.y), strict=True)
-    )
-    loop = loops_of(schedules[evidence.cylinder])
+    named = schedules[evidence.cylinder]
+    row, column = np.flatnonzero(named.design_x == evidence.x)[0], np.flatnonzero(named.design_y == evidence.y)[0]
+    loop = loops_of(named)
     top = 1.0 if name == "mean" else 2.0
     there = analyse(DifferenceLoop(loop, np.full(loop.shape, top * found.kc), np.full(loop.shape, top * found.ki))).Ms[
         0, row, column
@@ -107,6 +106,19 @@ def test_wanted_gains_are_kept_where_the_limit_allows_them():
     found = design_coupling(machines_of(schedules), schedules, "mean", kc=0.1, ki=2.0, Ms=2.0)
     assert (found.kc, found.ki) == (0.1, 2.0)
     assert found.evidence.Ms_uncoupled < found.evidence.Ms < 2.0
+
+
+def test_plants_that_were_added_to_one_cylinder_count_for_its_differences_alone():
+    """The poles of the group are those of the nominal cylinders; a plant of twice the supply raises Ms."""
+    schedules = pair()
+    harder = {"supply_pressure": 2.0 * schedules[0].actuator.supply_pressure}
+    specification = dataclasses.replace(schedules[0].specification, added_plants=(harder,))
+    added = [dataclasses.replace(schedules[0], specification=specification), schedules[1]]
+    machines = machines_of(schedules)
+    plain, found = (design_coupling(machines, some, "mean", kc=0.1, ki=2.0, Ms=4.0).evidence for some in (schedules, added))
+    assert found.largest_pole == plain.largest_pole
+    assert found.Ms > 1.2 * plain.Ms
+    assert (found.cylinder, found.variant) == (0, "supply_pressure +100 %")
 
 
 def test_a_limit_below_the_uncoupled_loops_leaves_no_gain_and_says_so():
@@ -135,7 +147,7 @@ def test_designed_groups_are_stable_and_undesigned_gains_are_not(name):
     schedules = quartet()
     machines = machines_of(schedules)
     assert design_coupling(machines, schedules, name).evidence.largest_pole < 1.0
-    cylinders = [opened(loops_of(schedule)) for schedule in schedules]
+    cylinders = [opened(loops_of(schedule, y=0.25)) for schedule in schedules]
     wild = Coupling(name="mean", matrix=coupling_matrix("mean", 4), kc=5.0, ki=0.0)
     assert np.abs(group_poles(cylinders, wild, 1e-3)).max() > 1.0
 

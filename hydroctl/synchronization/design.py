@@ -197,7 +197,8 @@ def largest_pole(actuators: Sequence[Actuator], schedules: Sequence[GainSchedule
     x, y = np.unique([side[[0, -1]] for side in sides]), np.linspace(0.0, actuators[0].stroke, _POSITIONS)
     cylinders = []
     for actuator, schedule in zip(actuators, schedules, strict=True):
-        _, plants = sampled_plants(actuator, x, y, "position", replace(schedule.specification, uncertainty="nominal"))
+        nominal = replace(schedule.specification, uncertainty="nominal", added_plants=())
+        _, plants = sampled_plants(actuator, x, y, "position", nominal)
         regulators = schedule.gains(x[:, None], y).broadcast_to(plants.shape)
         A, B, C = plants.state_space()
         cylinders.append(series(regulators.state_space(), (A, B, C, np.zeros((1, 1)))))
