@@ -61,7 +61,7 @@ def test_texts_differ_as_the_values_do_and_in_their_order(pair, factor, digits):
     assert (float(one) < float(other)) == (pair[0] < pair[1])
     assert (one == other) == (pair[0] == pair[1])
     for text, value in zip((one, other), pair, strict=True):
-        assert float(text) == pytest.approx(value * factor, rel=0.51 * 10.0 ** (1 - digits), abs=0.0)
+        assert float(text) == pytest.approx(value * factor, rel=0.51 * 10.0 ** (1 - digits), abs=math.ulp(0.0))
 
 
 @pytest.mark.parametrize("factor", FACTORS[1:])
