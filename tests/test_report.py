@@ -14,7 +14,7 @@ from machines import REFERENCE
 
 import hydroctl as hc
 from hydroctl.characteristics import resonance
-from hydroctl.margins import Loop, analyse
+from hydroctl.margins import MARGIN_UNITS, Loop, analyse
 from hydroctl.report.explorer import opening_grid
 from hydroctl.report.page import page, write_report
 from hydroctl.schedule import sampled_plants
@@ -206,7 +206,7 @@ def test_tables_hold_the_numbers_of_the_report(visit, plain):
     assert words == ["note" if verdict.is_remark else "pass" if verdict.passed else "fail" for verdict in verdicts]
     outcome = visit.page.text_content("#outcome")
     assert outcome == ("Every requirement is met" if all(verdict.passed for verdict in verdicts) else "A requirement is not met")
-    worst = [schedule.margins.worst(name) for name in ("Ms", "Mt", "gain_margin", "phase_margin", "delay_margin", "crossover")]
+    worst = [schedule.margins.worst(name) for name in MARGIN_UNITS]
     assert [float(value) for value in visit.values("#worst")] == [
         number for point in worst for number in (point.value, point.x, point.y)
     ]

@@ -210,9 +210,7 @@ def _sample(parameters: int) -> tuple[np.ndarray, np.ndarray]:
     """(corners, others), each (n, parameters) from 0 to 1: the others are the sequence of the generalized golden ratio (Roberts,
     2018), stretched beyond the faces and brought back onto them."""
     corners = np.array(list(itertools.product((0.0, 1.0), repeat=parameters)))
-    ratio = 2.0
-    for _ in range(_SAMPLE):
-        ratio = (1.0 + ratio) ** (1.0 / (parameters + 1.0))
+    ratio = np.roots([1.0, *[0.0] * (parameters - 1), -1.0, -1.0]).real.max()  # of ratio^(parameters + 1) = ratio + 1
     steps = ratio ** -np.arange(1.0, parameters + 1.0)
     inside = (0.5 + np.arange(1, _SAMPLE + 1)[:, None] * steps) % 1.0
     return corners, np.clip(0.5 + _STRETCH * (inside - 0.5), 0.0, 1.0)

@@ -148,12 +148,15 @@ function loopOf(regulator, plant) {
   };
 }
 
-// Ascending frequencies in rad/s from 1e-4 of the Nyquist frequency to it, dense around the resonance.
+// Ascending frequencies in rad/s from 1e-4 of the Nyquist frequency to it, dense around the resonance; above it, around its alias.
 function frequencies(Ts, { natural, damping }) {
   const nyquist = Math.PI / Ts, width = Math.min(0.9, Math.max(0.02, 3 * damping));
   const coarse = Array.from({ length: 241 }, (_, k) => nyquist * 10 ** (-4 * (1 - k / 240)));
-  const dense = Array.from({ length: 81 }, (_, k) => natural * (1 + width * (k / 40 - 1)));
-  return [...coarse, ...dense.filter((omega) => omega < nyquist)].sort((a, b) => a - b);
+  const swinging = natural * Math.sqrt(Math.max(0, 1 - damping * damping));
+  const alias = Math.abs(swinging - 2 * nyquist * Math.round(swinging / (2 * nyquist)));
+  const centre = natural < nyquist ? natural : alias;
+  const dense = Array.from({ length: 81 }, (_, k) => centre + width * natural * (k / 40 - 1));
+  return [...coarse, ...dense.filter((omega) => coarse[0] < omega && omega < nyquist)].sort((a, b) => a - b);
 }
 
 // { omega, L, gainCrossings, phaseCrossings, margins } of the open loop; margins in SI, infinite where nothing crosses.
@@ -166,12 +169,13 @@ function analyse(open, Ts, modes) {
   const away = ({ L }) => Math.atan2(-L[1], -L[0]);
   const lag = (crossing) => (away(crossing) + 2 * Math.PI) % (2 * Math.PI);
   const sensitivity = (value) => 1 / modulus(plus([1, 0], value));
-  const Ms = peak(omega, L, at, sensitivity), Mt = peak(omega, L, at, (value) => modulus(value) * sensitivity(value));
+  const complementary = (value) => modulus(value) * sensitivity(value);
+  const Ms = peak(omega, L, at, sensitivity), Mt = peak(omega, L, at, complementary);
   return {
     omega, L, gainCrossings, phaseCrossings,
     margins: {
       Ms: Ms.value,
-      Mt: Mt.value,
+      Mt: Math.max(Mt.value, complementary(at(1e-8 * omega[0]))),
       gain_margin: Math.min(Infinity, ...phaseCrossings.map(({ L }) => 1 / modulus(L)).filter((factor) => factor > 1)),
       phase_margin: Math.min(Infinity, ...gainCrossings.map((crossing) => Math.abs(away(crossing)))),
       delay_margin: Math.min(Infinity, ...gainCrossings.map((crossing) => lag(crossing) / crossing.omega)),
