@@ -23,7 +23,7 @@ from ..schedule import GainSchedule, WorstPoint, sampled, with_midpoints
 from ..specification import box_of, variant_label
 from .limits import ALLOWANCE
 
-_SAMPLE = 240
+_SAMPLE = 400
 _ROWS, _COLUMNS = 10, 13
 """openings and positions at which a plant of the sample is looked at"""
 _STRIDE = 5
@@ -31,9 +31,9 @@ _STRIDE = 5
 _STRETCH = 1.4
 _FIRST_STEP, _LAST_STEP = 0.125, 0.01
 """of the climb, in widths of the box"""
-_TOLERATED = 0.2 * ALLOWANCE, 0.7 * ALLOWANCE
+_TOLERATED = 0.2 * ALLOWANCE, 0.6 * ALLOWANCE
 """by how much a limit may be missed at the design points, and between them, before a plant counts as worse"""
-_CLIMBS, _FEW_CLIMBS = 8, 2
+_CLIMBS, _FEW_CLIMBS = 12, 2
 """openings, the worst of the sample, from which a climb starts for each limit"""
 _AT_ONCE = 4
 """plants that one search offers"""
