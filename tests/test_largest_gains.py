@@ -21,18 +21,31 @@ FULL = list(itertools.product(hc.list_actuators(), ("velocity", "position"), ("p
 CASES = FULL if LONG else [("reference", "velocity", "pi+notch"), ("reference", "position", "pi")]
 
 
-def responses(schedule, x, y, omega):
+def responses(schedule, x, y):
     """[(plants, n)] of what kp, ki and kd contribute, notch included, and the plants (F, G, c)."""
     law = {"kp": 0.0, "ki": 0.0, "kd": 0.0, "Tf": schedule.Tf, "notch": None}
     if schedule.zz != schedule.zp:
         law["notch"] = float(schedule.gains(x, y).notch_frequency), schedule.zz, schedule.zp
-    z, plants = np.exp(1j * omega * schedule.Ts), []
+    plants = []
     for machine in variants(schedule.actuator, schedule.specification).values():
         family = hc.linearize(machine, hc.find_operating_points(machine, [x], [y]))
         model = oracle.continuous(machine, family.A[0], family.B[0], schedule.loop)
         plants.append(oracle.sampled(*model, schedule.Ts, schedule.delay_samples))
+    z = np.exp(1j * _frequencies(plants, schedule.Ts) * schedule.Ts)
     G = np.array([_response(plant, z) for plant in plants])
     return [G * oracle.regulator(z, schedule.Ts, **law | {name: 1.0}) for name in ("kp", "ki", "kd")], plants, law
+
+
+def _frequencies(plants, Ts):
+    """Dense about the modes of every plant: hundreds within a resonance."""
+    nyquist, steps = np.pi / Ts, np.sinh(np.linspace(-4.0, 4.0, 161))
+    omega = [np.geomspace(1e-4 * nyquist, nyquist, 900), np.linspace(1e-3, 1.0, 900) * nyquist]
+    for F, _, _ in plants:
+        poles = np.linalg.eigvals(F)
+        for s in np.log(poles[np.abs(poles) > 1e-9].astype(complex)) / Ts:
+            omega.append(abs(s.imag) + abs(s.real) * steps)
+    omega = np.unique(np.concatenate(omega))
+    return omega[(omega >= 1e-4 * nyquist) & (omega <= nyquist)]
 
 
 def _response(plant, z):
@@ -43,9 +56,7 @@ def _response(plant, z):
 
 def largest_ki(schedule, x, y):
     """The largest ki over all ratios with which every plant keeps the limits and is stable."""
-    nyquist = np.pi / schedule.Ts
-    omega = np.union1d(np.geomspace(1e-4 * nyquist, nyquist, 900), np.linspace(1e-3, 1.0, 900) * nyquist)
-    (p, i, d), plants, law = responses(schedule, x, y, omega)
+    (p, i, d), plants, law = responses(schedule, x, y)
     limits, derivative = schedule.specification, "d" in schedule.structure
     best = 0.0
 
