@@ -124,15 +124,21 @@ def scheduled(task: Task) -> GainSchedule:
 
 
 def _needed_points(task: Task, schedule: GainSchedule) -> tuple[np.ndarray, np.ndarray]:
-    """(x, y): the design points, with those rows and columns half-way between them where a limit is missed by too much.
+    """(x, y): the design points, with those rows and columns half-way between them about which a limit is missed by too much.
 
-    Where it is missed at a design opening or position, the other coordinate is the one that lacks points.
+    Along x, where the damping changes by factors within a cell, it is looked for at the quarters, too. Where it is missed at a
+    design opening or position, the other coordinate is the one that lacks points.
     """
     x, y = with_midpoints(schedule.design_x), with_midpoints(schedule.design_y)
-    plants = task.at(x, y).plants
-    loops = Loop(plants, schedule.gains(x[:, None], y).broadcast_to(plants.shape))
-    missed = broken(loops, between_points(schedule.specification, _DENSE)).any(axis=0)
+    quarters = with_midpoints(x)
+    plants = task.at(quarters, y).plants
+    loops = Loop(plants, schedule.gains(quarters[:, None], y).broadcast_to(plants.shape))
+    missed_there = broken(loops, between_points(schedule.specification, _DENSE)).any(axis=0)
     new_x, new_y = ~np.isin(x, schedule.design_x), ~np.isin(y, schedule.design_y)
+    missed = missed_there[np.isin(quarters, x)]
+    for row in np.flatnonzero(new_x):
+        beside = (x[row - 1] < quarters) & (quarters < x[row + 1])
+        missed[row] = missed_there[beside].any(axis=0)
     on_a_line = missed & ~(new_x[:, None] & new_y)
     missed = on_a_line if on_a_line.any() else missed
     return x[missed.any(axis=1) | ~new_x], y[missed.any(axis=0) | ~new_y]
