@@ -1,1 +1,2 @@
-"""Speed and accuracy of hydroctl beside its peers: `python -m benchmarks [job ...] [--smallest]`."""
+"""Speed and accuracy of hydroctl beside its peers: `python -m benchmarks [job ...]
+[--smallest]`."""

@@ -1,7 +1,9 @@
-"""J3: closed-loop scenarios of 2 s at 1 kHz: a scheduled PID on a 21 by 11 table, random stiffness, mass, supply, friction, load.
+"""J3: closed-loop scenarios of 2 s at 1 kHz: a scheduled PID on a 21 by 11 table, random stiffness,
+mass, supply, friction, load.
 
-Times are per scenario. Errors are of y, relative to its range, in one scenario against DOP853 at 1e-12 from sample to sample.
-The bound is the time of two square roots and two divisions, in vector code, for every evaluation of the plant.
+Times are per scenario. Errors are of y, relative to its range, in one scenario against DOP853 at
+1e-12 from sample to sample. The bound is the time of two square roots and two divisions, in vector
+code, for every evaluation of the plant.
 """
 
 from __future__ import annotations
@@ -46,7 +48,9 @@ def rows(*, smallest: bool) -> list[Row]:
         return np.array(y)
 
     def exact(z, x, method="DOP853", rtol=1e-12, atol=1e-12):
-        return solve_ivp(lambda _, z: slope(z.tolist(), x), (0.0, 1e-3), z, method, rtol=rtol, atol=atol).y[:, -1]
+        return solve_ivp(
+            lambda _, z: slope(z.tolist(), x), (0.0, 1e-3), z, method, rtol=rtol, atol=atol
+        ).y[:, -1]
 
     expected = closed_loop(exact)
 
@@ -54,7 +58,16 @@ def rows(*, smallest: bool) -> list[Row]:
         return float(np.abs(y - expected).max() / np.ptp(expected))
 
     def run_campaign(substeps, **where):
-        campaign(actuator, schedule, count=count, chunk_size=max(32, count // 4), seed=1, substeps=substeps, **where, **given)
+        campaign(
+            actuator,
+            schedule,
+            count=count,
+            chunk_size=max(32, count // 4),
+            seed=1,
+            substeps=substeps,
+            **where,
+            **given,
+        )
         return substeps
 
     def replayed_error(substeps):
@@ -64,7 +77,9 @@ def rows(*, smallest: bool) -> list[Row]:
         *(
             Contender(
                 f"python-control in {name}, one scenario",
-                lambda sample=sample, pid=pid: peers.by_control(schedule, scenario, start, slope, sample, pid(schedule)),
+                lambda sample=sample, pid=pid: peers.by_control(
+                    schedule, scenario, start, slope, sample, pid(schedule)
+                ),
                 error,
             )
             for name, sample, pid in (
@@ -72,7 +87,11 @@ def rows(*, smallest: bool) -> list[Row]:
                 ("plain floats", peers.floats, PlainPID),
             )
         ),
-        Contender("scipy RK45 per sample, one scenario", lambda: closed_loop(lambda z, x: exact(z, x, "RK45", 1e-6, 1e-6)), error),
+        Contender(
+            "scipy RK45 per sample, one scenario",
+            lambda: closed_loop(lambda z, x: exact(z, x, "RK45", 1e-6, 1e-6)),
+            error,
+        ),
         *peers.contenders(_machines(actuator, schedule, count, given), schedule, scenario, error),
     ]
     needed = int(trajectory.integrator.split()[2])
@@ -87,7 +106,14 @@ def rows(*, smallest: bool) -> list[Row]:
             limit = samples * substeps * _STAGES * bound
             note = f"bound {1e6 * limit:.3g} us" if label == "one thread" else ""
             contenders.append(
-                Contender(name, lambda s=substeps, w=where: run_campaign(s, **w), replayed_error, count, clock=clock, note=note)
+                Contender(
+                    name,
+                    lambda s=substeps, w=where: run_campaign(s, **w),
+                    replayed_error,
+                    count,
+                    clock=clock,
+                    note=note,
+                )
             )
     return compare("J3", contenders, 1 if smallest else 5)
 
@@ -96,7 +122,10 @@ def _machines(actuator, schedule, count, given):
     """Those of the campaign's cases."""
     drawn = campaign(actuator, schedule, count=count, seed=1, **given).parameters
     drawn["load_force"] = drawn["load_force"] + actuator.load_force
-    return [actuator.replace(**{name: float(row[k]) for name, row in drawn.items()}) for k in range(count)]
+    return [
+        actuator.replace(**{name: float(row[k]) for name, row in drawn.items()})
+        for k in range(count)
+    ]
 
 
 class _InPlace:
@@ -111,7 +140,8 @@ class _InPlace:
 
 
 def _bound(repeats: int) -> float:
-    """Seconds for two square roots and two divisions per lane in compiled vector code, the median of seven."""
+    """Seconds for two square roots and two divisions per lane in compiled vector code, the median
+    of seven."""
     import numba
 
     @numba.njit(error_model="numpy")

@@ -1,7 +1,8 @@
 """Peers of J3: python-control, and those that run all cases at once or compile.
 
-`by_...(plants, law, signals, start)` of the latter makes a call to y (samples, n). All of them run the same two functions: the law
-of `PlainPID`, then the plant for one sample in two steps of Runge-Kutta 4.
+`by_...(plants, law, signals, start)` of the latter makes a call to y (samples, n). All of them run
+the same two functions: the law of `PlainPID`, then the plant for one sample in two steps of
+Runge-Kutta 4.
 """
 
 from __future__ import annotations
@@ -36,7 +37,8 @@ _SUBSTEPS = 2
 
 
 class Law(NamedTuple):
-    """The regulator's gains kp, ki, kd on nodes of x and y, and its constants. The lowest and highest node of either side of x."""
+    """The regulator's gains kp, ki, kd on nodes of x and y, and its constants. The lowest and
+    highest node of either side of x."""
 
     x: np.ndarray
     y: np.ndarray
@@ -48,7 +50,9 @@ class Law(NamedTuple):
     Ts: float
 
 
-def contenders(machines: list[Actuator], schedule: SimpleNamespace, scenario: Scenario, error: Callable) -> list[Contender]:
+def contenders(
+    machines: list[Actuator], schedule: SimpleNamespace, scenario: Scenario, error: Callable
+) -> list[Contender]:
     """All that run cases at once or compile; `error(y)` is of the first machine's case."""
     plants, law = np.array([plant_of(machine) for machine in machines]).T, law_of(schedule)
     start = np.array([rest_state(machine, scenario.y)[:4] for machine in machines]).T
@@ -57,7 +61,13 @@ def contenders(machines: list[Actuator], schedule: SimpleNamespace, scenario: Sc
     def contender(name, make, *needs, most=1000):
         count = min(len(machines), most)
         made = cache(partial(make, Plant(*plants[:, :count]), law, signals, start[:, :count]))
-        return Contender(f"{name}, {count} at once", lambda: made()(), lambda y: error(y[:, 0]), units=count, needs=needs)
+        return Contender(
+            f"{name}, {count} at once",
+            lambda: made()(),
+            lambda y: error(y[:, 0]),
+            units=count,
+            needs=needs,
+        )
 
     return [
         contender("CasADi map", by_casadi, "casadi", most=100),
@@ -129,14 +139,22 @@ class NumPyPID(PlainPID):
 
 
 def by_control(schedule: SimpleNamespace, scenario: Scenario, start, slope, sample, pid: PlainPID):
-    """python-control: one discrete-time system that holds `pid` and the plant, with `slope(z, x)` of floats; one case."""
+    """python-control: one discrete-time system that holds `pid` and the plant, with `slope(z, x)`
+    of floats; one case."""
     import control
 
     def update(t, state, inputs, params):
         command = pid.command(*inputs.tolist(), float(state[3]))
         return [*sample(slope, state, schedule.Ts / _SUBSTEPS), command]
 
-    system = control.nlsys(update, lambda t, state, inputs, params: state[3:4], states=5, inputs=2, outputs=1, dt=schedule.Ts)
+    system = control.nlsys(
+        update,
+        lambda t, state, inputs, params: state[3:4],
+        states=5,
+        inputs=2,
+        outputs=1,
+        dt=schedule.Ts,
+    )
     signals = np.array([scenario.reference, scenario.v_ref])
     return control.input_output_response(system, scenario.t, signals, [*start, 0.0]).outputs.ravel()
 
@@ -173,7 +191,10 @@ def gains_of_arrays(law, x, y, m):
     f, g = (x - law.x[i]) / (law.x[i + 1] - law.x[i]), (y - law.y[j]) / (law.y[j + 1] - law.y[j])
     flat, first = law.tables.reshape(3, -1), i * law.y.size + j
     corners = [m.take(flat, first + step, axis=1) for step in (0, 1, law.y.size, law.y.size + 1)]
-    low, high = corners[0] + g * (corners[1] - corners[0]), corners[2] + g * (corners[3] - corners[2])
+    low, high = (
+        corners[0] + g * (corners[1] - corners[0]),
+        corners[2] + g * (corners[3] - corners[2]),
+    )
     return low + f * (high - low)
 
 
@@ -185,7 +206,9 @@ def by_numpy(plants: Plant, law: Law, signals, start):
         y = np.empty((signals.shape[1], start.shape[1]))
         for k, (reference, forward) in enumerate(signals.T):
             y[k], x = z[3], memory[3]
-            memory = regulate(law, memory, gains_of_arrays(law, x, z[3], np), reference, forward, z[3], np.where)
+            memory = regulate(
+                law, memory, gains_of_arrays(law, x, z[3], np), reference, forward, z[3], np.where
+            )
             z = advance(plants, z, x, law.Ts, np.where, numpy_root)
         return y
 
@@ -201,7 +224,11 @@ def _gains(law, x, y):
     for k in range(1, law.y.size - 1):
         j += y >= law.y[k]
     f, g = (x - law.x[i]) / (law.x[i + 1] - law.x[i]), (y - law.y[j]) / (law.y[j + 1] - law.y[j])
-    return _bilinear(law.tables[0], i, j, f, g), _bilinear(law.tables[1], i, j, f, g), _bilinear(law.tables[2], i, j, f, g)
+    return (
+        _bilinear(law.tables[0], i, j, f, g),
+        _bilinear(law.tables[1], i, j, f, g),
+        _bilinear(law.tables[2], i, j, f, g),
+    )
 
 
 @compilable
@@ -216,7 +243,9 @@ def _case(plant, law, signals, z, y):
     memory = (0.0, 0.0, 0.0, 0.0)
     for k in range(y.size):
         y[k], x = z[3], memory[3]
-        memory = regulate(law, memory, _gains(law, x, z[3]), signals[0, k], signals[1, k], z[3], either)
+        memory = regulate(
+            law, memory, _gains(law, x, z[3]), signals[0, k], signals[1, k], z[3], either
+        )
         z = advance(plant, z, x, law.Ts, either, signed_root)
 
 
@@ -258,7 +287,13 @@ def _jax_run(plants, law, signals, start, make_advance):
 
 def by_jax(plants: Plant, law: Law, signals, start):
     """JAX: vmap and scan."""
-    return _jax_run(plants, law, signals, start, lambda m: lambda p, z, x: advance(p, z, x, law.Ts, m.where, jax_root))
+    return _jax_run(
+        plants,
+        law,
+        signals,
+        start,
+        lambda m: lambda p, z, x: advance(p, z, x, law.Ts, m.where, jax_root),
+    )
 
 
 def by_diffrax(plants: Plant, law: Law, signals, start):
@@ -266,11 +301,19 @@ def by_diffrax(plants: Plant, law: Law, signals, start):
     import diffrax
 
     def make_advance(m):
-        term = diffrax.ODETerm(lambda t, z, given: slopes(*given[:1], z, given[1], m.where, jax_root))
-        options = {"saveat": diffrax.SaveAt(t1=True), "adjoint": diffrax.ForwardMode(), "max_steps": _SUBSTEPS}
+        term = diffrax.ODETerm(
+            lambda t, z, given: slopes(*given[:1], z, given[1], m.where, jax_root)
+        )
+        options = {
+            "saveat": diffrax.SaveAt(t1=True),
+            "adjoint": diffrax.ForwardMode(),
+            "max_steps": _SUBSTEPS,
+        }
 
         def sample(plant, z, x):
-            found = diffrax.diffeqsolve(term, diffrax.Tsit5(), 0.0, law.Ts, law.Ts / _SUBSTEPS, z, (plant, x), **options)
+            found = diffrax.diffeqsolve(
+                term, diffrax.Tsit5(), 0.0, law.Ts, law.Ts / _SUBSTEPS, z, (plant, x), **options
+            )
             return tuple(value[0] for value in found.ys)
 
         return sample
@@ -285,10 +328,16 @@ def by_casadi(plants: Plant, law: Law, signals, start):
     where, sizes = casadi.if_else, {"p": 13, "signal": 2, "z": 4, "memory": 4, "gains": 3}
     p, signal, z, memory, gains = (casadi.SX.sym(name, size) for name, size in sizes.items())
     at = casadi.vertcat(opening(law, memory[3], where), limited(z[3], law.y[0], law.y[-1], where))
-    after = regulate(law, casadi.vertsplit(memory), casadi.vertsplit(gains), signal[0], signal[1], z[3], where)
-    moved = advance(Plant(*casadi.vertsplit(p)), casadi.vertsplit(z), memory[3], law.Ts, where, casadi_root)
+    after = regulate(
+        law, casadi.vertsplit(memory), casadi.vertsplit(gains), signal[0], signal[1], z[3], where
+    )
+    moved = advance(
+        Plant(*casadi.vertsplit(p)), casadi.vertsplit(z), memory[3], law.Ts, where, casadi_root
+    )
     find = casadi.Function("find", [z, memory], [at])
-    move = casadi.Function("move", [p, signal, z, memory, gains], [casadi.vertcat(*moved), casadi.vertcat(*after)])
+    move = casadi.Function(
+        "move", [p, signal, z, memory, gains], [casadi.vertcat(*moved), casadi.vertcat(*after)]
+    )
     table = casadi.interpolant("gains", "linear", [law.x, law.y], law.tables.ravel(order="F"))
     given = [casadi.MX.sym(name, size) for name, size in list(sizes.items())[:4]]
     sample = casadi.Function("sample", given, move(*given, table(find(*given[2:]))))

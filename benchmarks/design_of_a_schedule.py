@@ -1,8 +1,9 @@
-"""J4: the largest integral gains of PI + notch at 60 points of the reference machine, held over nominal plant and four corners.
+"""J4: the largest integral gains of PI + notch at 60 points of the reference machine, held over
+nominal plant and four corners.
 
-Times are per point; the peers, which tune every point for itself, are timed at one. Errors are by how much the largest Ms or Mt of
-all plants exceeds its limit there, relative; NaN where a loop is unstable. Last the whole design, for the whole box, with the times
-of its stages.
+Times are per point; the peers, which tune every point for itself, are timed at one. Errors are by
+how much the largest Ms or Mt of all plants exceeds its limit there, relative; NaN where a loop is
+unstable. Last the whole design, for the whole box, with the times of its stages.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ import numpy as np
 from scipy.optimize import minimize
 
 import hydroctl as hc
-from hydroctl.frequency import SampledFamily, frequency_grid
-from hydroctl.margins import Loop, analyse
-from hydroctl.regulators import Regulators
-from hydroctl.schedule import sampled_plants
+from hydroctl.loop.design_plants import sampled_plants
+from hydroctl.loop.margins import Loop, analyse
+from hydroctl.loop.sampled_plant import SampledFamily, frequency_grid
+from hydroctl.regulator.structures import Regulators
 
 from .measure import Contender, Row, compare
 
@@ -37,13 +38,21 @@ def rows(*, smallest: bool) -> list[Row]:
 
     def tuned():
         schedule = hc.tune(actuator, x, y, structure=_STRUCTURE, specification=specification)
-        return _excess(plants, schedule.gains(x[:, None], y).broadcast_to(plants.shape), specification)
+        return _excess(
+            plants, schedule.gains(x[:, None], y).broadcast_to(plants.shape), specification
+        )
 
     def share(method):
-        return f"ki {point.largest(method).ki.item() / best.gains(x[0], y[0]).ki:.2f} of the tuner's"
+        return (
+            f"ki {point.largest(method).ki.item() / best.gains(x[0], y[0]).ki:.2f} of the tuner's"
+        )
 
     contenders = [
-        Contender(f"scipy {method}, point by point", lambda method=method: point.error(method), note=share(method))
+        Contender(
+            f"scipy {method}, point by point",
+            lambda method=method: point.error(method),
+            note=share(method),
+        )
         for method in ("SLSQP", "Nelder-Mead")
     ]
     count = x.size * y.size
@@ -53,43 +62,68 @@ def rows(*, smallest: bool) -> list[Row]:
 
 
 class _Point:
-    """Largest ki at one point by general-purpose optimizers, on the plants (variants,) there, from a small gain."""
+    """Largest ki at one point by general-purpose optimizers, on the plants (variants,) there, from
+    a small gain."""
 
     def __init__(self, plants: SampledFamily, specification: hc.Specification):
         self.plants, self.specification = plants, specification
         self.omega = frequency_grid(plants)
         notch = specification.notch_ratio * plants.resonance[:1, 0]
-        self.unit = Regulators(specification.sample_time, *np.zeros((3, 1)), notch, specification.Tf, *specification.notch_damping)
-        self.terms = plants.frequency_response(self.omega)[..., None] * self.unit.terms(self.omega)[..., :2]
+        self.unit = Regulators(
+            specification.sample_time,
+            *np.zeros((3, 1)),
+            notch,
+            specification.Tf,
+            *specification.notch_damping,
+        )
+        self.terms = (
+            plants.frequency_response(self.omega)[..., None] * self.unit.terms(self.omega)[..., :2]
+        )
         self.scale = 1.0 / np.median(np.abs(self.terms), axis=(0, 1))
 
     def slack(self, gains):
         """What is left to the limits of Ms and Mt; not negative where they hold."""
         L = self.terms @ (gains * self.scale)
         S, T = 1.0 / np.abs(1.0 + L), np.abs(L / (1.0 + L))
-        return np.array([1.0 - S.max() / self.specification.Ms, 1.0 - T.max() / self.specification.Mt])
+        return np.array(
+            [1.0 - S.max() / self.specification.Ms, 1.0 - T.max() / self.specification.Mt]
+        )
 
     def largest(self, method: str) -> Regulators:
         """The regulator that `method` ends with."""
         start = np.array([0.01, 0.01])
         if method == "SLSQP":
             constraint = {"type": "ineq", "fun": self.slack}
-            gains = minimize(lambda g: -g[1], start, method=method, constraints=constraint, bounds=[(0.0, 50.0)] * 2).x
+            gains = minimize(
+                lambda g: -g[1],
+                start,
+                method=method,
+                constraints=constraint,
+                bounds=[(0.0, 50.0)] * 2,
+            ).x
         else:
-            gains = minimize(lambda g: -g[1] - 1e3 * np.minimum(self.slack(g), 0.0).sum(), start, method=method).x
+            gains = minimize(
+                lambda g: -g[1] - 1e3 * np.minimum(self.slack(g), 0.0).sum(), start, method=method
+            ).x
         kp, ki = gains * self.scale
         return replace(self.unit, kp=np.array([kp]), ki=np.array([ki]))
 
     def error(self, method: str) -> float:
         """The excess of what `largest` finds."""
-        return _excess(self.plants, self.largest(method).broadcast_to(self.plants.shape), self.specification)
+        return _excess(
+            self.plants, self.largest(method).broadcast_to(self.plants.shape), self.specification
+        )
 
 
-def _excess(plants: SampledFamily, regulators: Regulators, specification: hc.Specification) -> float:
+def _excess(
+    plants: SampledFamily, regulators: Regulators, specification: hc.Specification
+) -> float:
     found = analyse(Loop(plants, regulators))
     if not found.stable.all():
         return np.nan
-    return float(max(0.0, found.Ms.max() / specification.Ms - 1.0, found.Mt.max() / specification.Mt - 1.0))
+    return float(
+        max(0.0, found.Ms.max() / specification.Ms - 1.0, found.Mt.max() / specification.Mt - 1.0)
+    )
 
 
 def _whole_design(actuator: hc.Actuator) -> Row:

@@ -1,4 +1,5 @@
-"""Peers of J1 that compile or build a function first: each factory gives a call that returns (poles (nx, ny, 3), all the rest)."""
+"""Peers of J1 that compile or build a function first: each factory gives a call that returns (poles
+(nx, ny, 3), all the rest)."""
 
 from __future__ import annotations
 
@@ -23,8 +24,8 @@ def _at_point(plant, edges, y, sqrt):
 
 @cache
 def _numba_kernel():
-    """rows(plant, x, y, points, models, poles): operating points along x; each row of the grid in vector code, then its poles as
-    complex numbers."""
+    """rows(plant, x, y, points, models, poles): operating points along x; each row of the grid in
+    vector code, then its poles as complex numbers."""
 
     @numba.njit(error_model="numpy", fastmath={"contract"})
     def rows(plant, x, y, points, models, poles):
@@ -40,8 +41,23 @@ def _numba_kernel():
                     root = slow_pole(n1, n0, d2, d1, d0)
                     a1, a2, b = second_order(root, n0, d2, d1, d0)
                     middle, real, imaginary = pair(a1, a2, np.sqrt)
-                    work[0, j], work[1, j], work[2, j], work[3, j], work[4, j], work[5, j] = a11, a12, a13, a21, a22, a23
-                    work[6, j], work[7, j], work[8, j], work[9, j], work[10, j], work[11, j], work[12, j] = (
+                    work[0, j], work[1, j], work[2, j], work[3, j], work[4, j], work[5, j] = (
+                        a11,
+                        a12,
+                        a13,
+                        a21,
+                        a22,
+                        a23,
+                    )
+                    (
+                        work[6, j],
+                        work[7, j],
+                        work[8, j],
+                        work[9, j],
+                        work[10, j],
+                        work[11, j],
+                        work[12, j],
+                    ) = (
                         b1,
                         b2,
                         n1,
@@ -65,7 +81,11 @@ def _numba_kernel():
 
 def grid_numba(plant: Plant, x, y):
     """Compiled by numba."""
-    points, models, poles = np.empty((3, x.size)), np.empty((x.size, 16, y.size)), np.empty((x.size, y.size, 3), dtype=complex)
+    points, models, poles = (
+        np.empty((3, x.size)),
+        np.empty((x.size, 16, y.size)),
+        np.empty((x.size, y.size, 3), dtype=complex),
+    )
     _numba_kernel()(plant, x, y, points, models, poles)
     return poles, (points, models)
 
@@ -79,8 +99,14 @@ def _jax_grid(plant: Plant):
 
     def column(x, y):
         point = operating_point(plant, x, jnp.sqrt)
-        rest, (root, middle, real, imaginary) = jax.vmap(lambda y: _at_point(plant, point[3:], y, jnp.sqrt))(y)
-        poles = (root + 0j, jax.lax.complex(middle + real, imaginary), jax.lax.complex(middle - real, -imaginary))
+        rest, (root, middle, real, imaginary) = jax.vmap(
+            lambda y: _at_point(plant, point[3:], y, jnp.sqrt)
+        )(y)
+        poles = (
+            root + 0j,
+            jax.lax.complex(middle + real, imaginary),
+            jax.lax.complex(middle - real, -imaginary),
+        )
         return jnp.stack(poles, axis=-1), (jnp.stack(point[:3]), jnp.stack(rest))
 
     return jax.jit(jax.vmap(column, in_axes=(0, None)))

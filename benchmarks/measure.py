@@ -14,7 +14,8 @@ from importlib.util import find_spec
 from typing import Any
 
 _REST = 0.1
-"""s before each turn, in which threads of the contender before stop spinning: their processor time would count for this one"""
+"""s before each turn, in which threads of the contender before stop spinning: their processor time
+would count for this one"""
 
 
 @dataclass(frozen=True)
@@ -34,8 +35,8 @@ class Row:
 
 @dataclass(frozen=True)
 class Contender:
-    """`run()` does `units` units of work; `error` makes an error of what it returned, outside of the time; `needs` names packages
-    without which it is skipped."""
+    """`run()` does `units` units of work; `error` makes an error of what it returned, outside of
+    the time; `needs` names packages without which it is skipped."""
 
     name: str
     run: Callable[[], Any]
@@ -43,17 +44,22 @@ class Contender:
     units: float = 1.0
     needs: tuple[str, ...] = ()
     clock: Callable[[], float] = time.process_time
-    """processor time, which a busy machine disturbs least; the wall clock for work on several threads"""
+    """processor time, which a busy machine disturbs least; the wall clock for work on several
+    threads"""
     note: str = ""
 
 
 def compare(job: str, contenders: list[Contender], repeats: int) -> list[Row]:
-    """Warm every contender once, then time them in turn `repeats` times. The first one is the measure of the others."""
+    """Warm every contender once, then time them in turn `repeats` times. The first one is the
+    measure of the others."""
     present = []
     for contender in contenders:
         missing = [name for name in contender.needs if find_spec(name) is None]
         if missing:
-            print(f"{job}: {contender.name} skipped, {', '.join(missing)} is not installed", file=sys.stderr)
+            print(
+                f"{job}: {contender.name} skipped, {', '.join(missing)} is not installed",
+                file=sys.stderr,
+            )
         else:
             present.append(contender)
     errors = [contender.error(contender.run()) for contender in present]
@@ -83,7 +89,17 @@ def table(rows: list[Row]) -> str:
 def document(rows: list[Row]) -> dict:
     """What `results.json` holds: the machine, the versions, the rows."""
     versions = {}
-    for name in ("numpy", "scipy", "numba", "control", "slycot", "casadi", "scikit-sundae", "jax", "diffrax"):
+    for name in (
+        "numpy",
+        "scipy",
+        "numba",
+        "control",
+        "slycot",
+        "casadi",
+        "scikit-sundae",
+        "jax",
+        "diffrax",
+    ):
         if find_spec({"scikit-sundae": "sksundae"}.get(name, name)):
             versions[name] = metadata.version(name)
     machine = {

@@ -1,8 +1,10 @@
-"""J1: operating points, A, B, transfer-function coefficients, zero, poles and second-order coefficients over a grid of (x, y).
+"""J1: operating points, A, B, transfer-function coefficients, zero, poles and second-order
+coefficients over a grid of (x, y).
 
-Times are for the whole grid, through the public functions; python-control does some of the points, and its time is scaled. Errors
-are the largest relative ones of the poles against eigenvalues of A by complex step, where the residual is below 1e-12. All but
-python-control find operating points along x only, where nothing depends on y.
+Times are for the whole grid, through the public functions; python-control does some of the points,
+and its time is scaled. Errors are the largest relative ones of the poles against eigenvalues of A
+by complex step, where the residual is below 1e-12. All but python-control find operating points
+along x only, where nothing depends on y.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ from importlib.util import find_spec
 import numpy as np
 
 import hydroctl as hc
-from hydroctl import plant
+from hydroctl.model import plant
 
 from .grid_peers import grid_casadi, grid_jax, grid_numba
 from .grids import grid_numpy
@@ -49,7 +51,15 @@ def _grid(nx: int, ny: int, times: int, repeats: int) -> list[Row]:
         points = hc.find_operating_points(actuator, x[:, None], y)
         family = hc.linearize(actuator, points)
         reduced = hc.reduce_order(family)
-        return family.poles(), (family.A, family.B, family.numerator, family.denominator, family.zeros(), reduced.a1, reduced.b)
+        return family.poles(), (
+            family.A,
+            family.B,
+            family.numerator,
+            family.denominator,
+            family.zeros(),
+            reduced.a1,
+            reduced.b,
+        )
 
     def contender(name, run, **changes):
         def several():
@@ -67,8 +77,12 @@ def _grid(nx: int, ny: int, times: int, repeats: int) -> list[Row]:
             units=some.size / (nx * ny),
         ),
         contender("CasADi map", partial(grid_casadi, parameters, x, y), needs=("casadi",)),
-        contender("NumPy, batched eigvals", partial(grid_numpy, parameters, x, y, batched_eigvals=True)),
-        contender("NumPy, closed-form poles", partial(grid_numpy, parameters, x, y, batched_eigvals=False)),
+        contender(
+            "NumPy, batched eigvals", partial(grid_numpy, parameters, x, y, batched_eigvals=True)
+        ),
+        contender(
+            "NumPy, closed-form poles", partial(grid_numpy, parameters, x, y, batched_eigvals=False)
+        ),
         contender("JAX vmap", partial(grid_jax, parameters, x, y), needs=("jax",)),
         contender("numba", partial(grid_numba, parameters, x, y)),
         contender("hydroctl", by_hydroctl),
@@ -77,7 +91,8 @@ def _grid(nx: int, ny: int, times: int, repeats: int) -> list[Row]:
 
 
 def _control_system(actuator):
-    """Pressures in bar, y frozen. Without Slycot, python-control would search the disk for it in every conversion."""
+    """Pressures in bar, y frozen. Without Slycot, python-control would search the disk for it in
+    every conversion."""
     import control
 
     if find_spec("slycot") is None:
@@ -89,21 +104,26 @@ def _control_system(actuator):
         dp_a, dp_b, dv, _ = slope((1e5 * p_a, 1e5 * p_b, v, parameters["y"]), float(u[0]))
         return [1e-5 * dp_a, 1e-5 * dp_b, dv]
 
-    return control.nlsys(update, lambda t, z, u, _: z[2:3], states=3, inputs=1, outputs=1, params={"y": 0.0})
+    return control.nlsys(
+        update, lambda t, z, u, _: z[2:3], states=3, inputs=1, outputs=1, params={"y": 0.0}
+    )
 
 
 def _by_control(system, guess, x, y):
     """As a user would: operating point, linear model, transfer function with its zeros, poles."""
     import control
 
-    z, u = control.find_operating_point(system, guess, [x], params={"y": y}, root_kwargs={"tol": 1e-12})
+    z, u = control.find_operating_point(
+        system, guess, [x], params={"y": y}, root_kwargs={"tol": 1e-12}
+    )
     model = control.linearize(system, z, u, params={"y": y})
     control.ss2tf(model.A, model.B, model.C, model.D).zeros()
     return model.poles()
 
 
 def _exact_poles(actuator, x, y):
-    """(nx ny, 3), sorted; A by complex step through the plant's own equations, each point's states as hydroctl finds them."""
+    """(nx ny, 3), sorted; A by complex step through the plant's own equations, each point's states
+    as hydroctl finds them."""
     points = hc.find_operating_points(actuator, x[:, None], y)
     assert points.residual.max() <= 1e-12
     p, step = plant.parameters(actuator), 1e-30
@@ -112,6 +132,8 @@ def _exact_poles(actuator, x, y):
         z = [points.p_a + 0j, points.p_b + 0j, points.v + 0j]
         z[k] = z[k] + 1j * step
         slopes = plant.rates(*z, points.y, points.x, 0.0, p)
-        A[..., k] = np.stack([np.broadcast_to(s, points.shape) for s in slopes], axis=-1).imag / step
+        A[..., k] = (
+            np.stack([np.broadcast_to(s, points.shape) for s in slopes], axis=-1).imag / step
+        )
     scale = np.array([1e7, 1e7, 1.0])
     return np.sort_complex(np.linalg.eigvals(A * scale / scale[:, None]).reshape(-1, 3))

@@ -1,4 +1,5 @@
-"""The plant and a scheduled PID as a user of general-purpose libraries writes them: plain Python, one scenario."""
+"""The plant and a scheduled PID as a user of general-purpose libraries writes them: plain Python,
+one scenario."""
 
 from __future__ import annotations
 
@@ -72,7 +73,8 @@ def casadi_root(dp):
 
 @compilable
 def slopes(p, z, x, where, root):
-    """dz/dt, a tuple, of z = (p_a, p_b, v, y): floats, arrays or symbols, with the choice and the signed root that fit them."""
+    """dz/dt, a tuple, of z = (p_a, p_b, v, y): floats, arrays or symbols, with the choice and the
+    signed root that fit them."""
     p_a, p_b, v, y = z
     extend = x >= 0
     dp_a = where(extend, p.supply_pressure - p_a, p_a - p.tank_pressure)
@@ -104,8 +106,23 @@ def moved(z, h, k):
 
 
 def slope_function(a: Actuator, load: float = 0.0):
-    """slope(z, x) -> list of dz/dt with z = (p_a, p_b, v, y), in the scalar mathematics of plain Python: for floats, not arrays."""
-    area_a, area_b, volume_a, volume_b, bulk, leakage, flow_a, flow_b, supply, tank, mass, viscous, _ = plant_of(a)
+    """slope(z, x) -> list of dz/dt with z = (p_a, p_b, v, y), in the scalar mathematics of plain
+    Python: for floats, not arrays."""
+    (
+        area_a,
+        area_b,
+        volume_a,
+        volume_b,
+        bulk,
+        leakage,
+        flow_a,
+        flow_b,
+        supply,
+        tank,
+        mass,
+        viscous,
+        _,
+    ) = plant_of(a)
 
     def slope(z, x):
         p_a, p_b, v, y = z
@@ -124,18 +141,31 @@ def slope_function(a: Actuator, load: float = 0.0):
 
 
 def scheduled_pid(Ts: float = 1e-3) -> SimpleNamespace:
-    """A position PID for the reference machine on a 21 by 11 table, without notch; the attributes of `GainSchedule`."""
+    """A position PID for the reference machine on a 21 by 11 table, without notch; the attributes
+    of `GainSchedule`."""
     nodes = np.linspace(0.05, 1.0, 11)
     x, y = np.concatenate([-nodes[1:][::-1], nodes]), np.linspace(0.0, 0.5, 11)
     spread = 1.0 + 0.2 * np.abs(x)[:, None] + 0.1 * y
-    table = {"kp": 230.0 * spread, "ki": 3000.0 * spread, "kd": 0.1 * spread, "notch_frequency": 0.0 * spread}
+    table = {
+        "kp": 230.0 * spread,
+        "ki": 3000.0 * spread,
+        "kd": 0.1 * spread,
+        "notch_frequency": 0.0 * spread,
+    }
     forward = {
         "speed_gain_extend": 0.1515,
         "speed_gain_retract": 0.1393,
         "speed_offset_extend": 6e-4,
         "speed_offset_retract": -6e-4,
     }
-    forward |= {"b": 1.0, "c": 1.0, "Tm": 0.0, "sections": (), "dead_band_inverse": 0.0, "pressure_drops": None}
+    forward |= {
+        "b": 1.0,
+        "c": 1.0,
+        "Tm": 0.0,
+        "sections": (),
+        "dead_band_inverse": 0.0,
+        "pressure_drops": None,
+    }
     constants = {
         "actuator": load_actuator("reference"),
         "Tf": 5e-4,
@@ -165,7 +195,10 @@ class PlainPID:
         j, g = _place(self.y_nodes, y, 0, len(self.y_nodes) - 1)
         for table in self.tables:
             lower, upper = table[i], table[i + 1]
-            low, high = lower[j] + g * (lower[j + 1] - lower[j]), upper[j] + g * (upper[j + 1] - upper[j])
+            low, high = (
+                lower[j] + g * (lower[j + 1] - lower[j]),
+                upper[j] + g * (upper[j + 1] - upper[j]),
+            )
             yield low + f * (high - low)
 
     def command(self, reference: float, v_ref: float, y: float) -> float:
@@ -176,7 +209,9 @@ class PlainPID:
         wanted = kp * error + self.integral + kd * self.derivative
         if v_ref:
             gain, offset = (
-                (s.speed_gain_extend, s.speed_offset_extend) if v_ref > 0 else (s.speed_gain_retract, s.speed_offset_retract)
+                (s.speed_gain_extend, s.speed_offset_extend)
+                if v_ref > 0
+                else (s.speed_gain_retract, s.speed_offset_retract)
             )
             wanted += v_ref / gain + offset
         self.x, self.error = min(max(wanted, -1.0), 1.0), error

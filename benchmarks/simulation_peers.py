@@ -1,5 +1,5 @@
-"""Peers of J2. `by_...(plant, levels, held)` makes a call from the first state to the states (4, n) at every ms; x is held at each
-level for `held` ms, and integration restarts at its steps."""
+"""Peers of J2. `by_...(plant, levels, held)` makes a call from the first state to the states (4, n)
+at every ms; x is held at each level for `held` ms, and integration restarts at its steps."""
 
 from __future__ import annotations
 
@@ -52,7 +52,9 @@ def by_sundials(plant: Plant, levels, held: int):
         dz[0], dz[1], dz[2], dz[3] = slopes(plant, (z[0], z[1], z[2], z[3]), x, either, signed_root)
 
     def solve(times, state, level):
-        return CVODE(lambda t, z, dz: fill(z, dz, level), rtol=RTOL, atol=ATOL).solve(times, state).y.T
+        return (
+            CVODE(lambda t, z, dz: fill(z, dz, level), rtol=RTOL, atol=ATOL).solve(times, state).y.T
+        )
 
     return in_segments(solve, levels, held)
 
@@ -62,15 +64,20 @@ def by_casadi(plant: Plant, levels, held: int):
     import casadi
 
     z, x = casadi.SX.sym("z", 4), casadi.SX.sym("x")
-    rates = casadi.vertcat(*slopes(plant, casadi.vertsplit(z * _SCALE), x, casadi.if_else, casadi_root))
+    rates = casadi.vertcat(
+        *slopes(plant, casadi.vertsplit(z * _SCALE), x, casadi.if_else, casadi_root)
+    )
     field = {"x": z, "p": x, "ode": rates / _SCALE}
     options = {"reltol": RTOL, "abstol": 1e-8}
     cvodes = casadi.integrator("cvodes", "cvodes", field, 0.0, 1e-3 * np.arange(held + 1), options)
-    return in_segments(lambda _, z, x: np.array(cvodes(x0=z / _SCALE, p=x)["xf"]) * _SCALE[:, None], levels, held)
+    return in_segments(
+        lambda _, z, x: np.array(cvodes(x0=z / _SCALE, p=x)["xf"]) * _SCALE[:, None], levels, held
+    )
 
 
 def by_diffrax(plant: Plant, levels, held: int):
-    """diffrax: Tsit5 with PIDController, one segment after the other in a compiled scan, double precision."""
+    """diffrax: Tsit5 with PIDController, one segment after the other in a compiled scan, double
+    precision."""
     import diffrax
     import jax
     import jax.numpy as jnp

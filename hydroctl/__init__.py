@@ -9,82 +9,69 @@
 from __future__ import annotations
 
 import importlib
-import sys
-import types
 
 __version__ = "0.1.0"
 
 _HOME = {
-    "Actuator": "actuator",
+    "Actuator": "machine.actuator",
     "CampaignResult": "validation",
-    "Design": "design",
+    "Design": "chain",
     "FailedChecksError": "errors",
     "GainSchedule": "schedule",
     "HydroctlError": "errors",
     "InfeasibleError": "errors",
     "InputError": "errors",
     "OperatingPointError": "errors",
-    "ParallelForm": "forms",
-    "PoorFitWarning": "surfaces",
-    "Record": "records",
+    "ParallelForm": "regulator.forms",
+    "PoorFitWarning": "quasi_linear",
+    "Record": "identification",
     "Scenario": "simulation",
     "Sensors": "simulation",
-    "SeriesForm": "forms",
+    "SeriesForm": "regulator.forms",
     "SimulationError": "errors",
     "Specification": "specification",
-    "StandardForm": "forms",
+    "StandardForm": "regulator.forms",
     "State": "simulation",
     "SynchronizationResult": "synchronization",
     "Trajectory": "simulation",
     "ValidationReport": "validation",
-    "as_nonlinear_system": "plant",
+    "as_nonlinear_system": "model.plant",
     "campaign": "validation",
-    "characterize": "characteristics",
-    "check_coupling": "coupling",
+    "characterize": "model.characteristics",
+    "check_coupling": "schedule",
     "compare": "validation",
-    "design": "design",
+    "design": "chain",
     "export_coupling": "export",
     "export_plant": "export",
     "export_schedule": "export",
-    "find_operating_points": "operating_point",
-    "fit_surfaces": "surfaces",
+    "find_operating_points": "model.operating_point",
+    "fit_surfaces": "quasi_linear",
     "identify": "identification",
-    "linearize": "linearization",
-    "list_actuators": "datasheet",
-    "load_actuator": "datasheet",
+    "linearize": "model.linearization",
+    "list_actuators": "machine.datasheet",
+    "load_actuator": "machine.datasheet",
     "load_schedule": "schedule",
-    "read_record": "records",
-    "reduce_order": "reduction",
+    "read_record": "identification",
+    "reduce_order": "quasi_linear",
     "replay": "validation",
     "rest_state": "simulation",
-    "save_actuator": "datasheet",
+    "save_actuator": "machine.datasheet",
     "simulate": "simulation",
     "simulate_closed_loop": "simulation",
     "step_scenarios": "validation",
     "synchronize": "synchronization",
-    "to_parallel": "forms",
-    "to_series": "forms",
-    "to_standard": "forms",
+    "to_parallel": "regulator.forms",
+    "to_series": "regulator.forms",
+    "to_standard": "regulator.forms",
     "tracking_scenarios": "validation",
     "tune": "tuning",
     "tune_fast": "tuning",
     "tune_fixed": "tuning",
-    "tune_search": "searched_tuning",
+    "tune_search": "validation.searched_tuning",
     "validate": "validation",
 }
 
 __all__ = sorted(_HOME)
-
-
-class _Package(types.ModuleType):
-    """Keeps public names callable: importing the submodule `hydroctl.design` must not replace the function `hydroctl.design`."""
-
-    def __setattr__(self, name: str, value) -> None:
-        if not (name in _HOME and isinstance(value, types.ModuleType)):
-            super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package
 
 
 def __getattr__(name: str):

@@ -1,4 +1,5 @@
-"""The command line: parses, calls, prints. Exit code 0: done and every check passed; 1: a requirement is not met; 2: bad input."""
+"""The command line: parses, calls, prints. Exit code 0: done and every check passed; 1: a
+requirement is not met; 2: bad input."""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ import typer
 import hydroctl
 
 from .digits import apart
-from .units import without_dask
+from .machine.units import without_dask
 
 app = typer.Typer(
     help="From the data sheet of a hydraulic servo cylinder to a proven gain schedule.",
@@ -51,30 +52,49 @@ class Target(StrEnum):
     csv = "csv"
 
 
-ActuatorArgument = Annotated[str, typer.Argument(help="a shipped machine (see `hydroctl actuators`) or a TOML data sheet")]
+ActuatorArgument = Annotated[
+    str, typer.Argument(help="a shipped machine (see `hydroctl actuators`) or a TOML data sheet")
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="print results as JSON, for programs")]
 
 
 @app.command()
 def design(
     actuator: ActuatorArgument = "reference",
-    directory: Annotated[Path, typer.Option("-o", "--output", help="where the results go")] = Path("hydroctl-out"),
+    directory: Annotated[Path, typer.Option("-o", "--output", help="where the results go")] = Path(
+        "hydroctl-out"
+    ),
     loop: Annotated[Loop, typer.Option(help="what is controlled")] = Loop.velocity,
-    structure: Annotated[str, typer.Option(help="p, pi or pid; with +lead or +lead-lag; with +notch")] = "pi",
-    uncertainty: Annotated[str, typer.Option(help="plants the limits hold on: box, corners, one-at-a-time or nominal")] = "box",
+    structure: Annotated[
+        str, typer.Option(help="p, pi or pid; with +lead or +lead-lag; with +notch")
+    ] = "pi",
+    uncertainty: Annotated[
+        str, typer.Option(help="plants the limits hold on: box, corners, one-at-a-time or nominal")
+    ] = "box",
     Ms: Annotated[float, typer.Option("--Ms", help="largest sensitivity")] = 1.6,
     Mt: Annotated[float, typer.Option("--Mt", help="largest complementary sensitivity")] = 1.3,
     sample_time: Annotated[float, typer.Option(help="sample time in s")] = 1e-3,
-    delay: Annotated[float, typer.Option(help="delay from measurement to valve command, in samples")] = 1.0,
+    delay: Annotated[
+        float, typer.Option(help="delay from measurement to valve command, in samples")
+    ] = 1.0,
     gain_margin: Annotated[float | None, typer.Option(help="least gain margin, a factor")] = None,
-    phase_margin: Annotated[float | None, typer.Option(help="least phase margin in degrees")] = None,
+    phase_margin: Annotated[
+        float | None, typer.Option(help="least phase margin in degrees")
+    ] = None,
     min_crossover: Annotated[float | None, typer.Option(help="least crossover in rad/s")] = None,
-    measurement_filter: Annotated[float, typer.Option(help="time of a filter of the measured quantity in s")] = 0.0,
-    pressure_compensation: Annotated[bool, typer.Option(help="undo what the load does to the gain; needs p_a and p_b")] = False,
-    dead_band_inverse: Annotated[float, typer.Option(help="share of the valve's dead band to jump over, 0 to 1")] = 0.0,
+    measurement_filter: Annotated[
+        float, typer.Option(help="time of a filter of the measured quantity in s")
+    ] = 0.0,
+    pressure_compensation: Annotated[
+        bool, typer.Option(help="undo what the load does to the gain; needs p_a and p_b")
+    ] = False,
+    dead_band_inverse: Annotated[
+        float, typer.Option(help="share of the valve's dead band to jump over, 0 to 1")
+    ] = 0.0,
     as_json: JsonOption = False,
 ) -> None:
-    """Design a gain schedule, prove its margins, try it on the nonlinear plant, and write schedule, figures and summary."""
+    """Design a gain schedule, prove its margins, try it on the nonlinear plant, and write schedule,
+    figures and summary."""
     from .files import require_writable
 
     specification = hydroctl.Specification(
@@ -92,27 +112,41 @@ def design(
     )
     machine = _machine(actuator)
     require_writable(directory)
-    from .design import STAGES
+    from .chain import STAGES
 
     with _stages(len(STAGES) + 1) as begin:
-        result = hydroctl.design(machine, loop=loop.value, structure=structure, specification=specification, on_stage=begin)
+        result = hydroctl.design(
+            machine,
+            loop=loop.value,
+            structure=structure,
+            specification=specification,
+            on_stage=begin,
+        )
         begin("files")
         result.save(directory)
-    typer.echo(json.dumps(result.to_dict(), indent=1) if as_json else f"{result.summary()}\n\nwritten to {directory}/")
+    typer.echo(
+        json.dumps(result.to_dict(), indent=1)
+        if as_json
+        else f"{result.summary()}\n\nwritten to {directory}/"
+    )
     raise typer.Exit(0 if result.passed else 1)
 
 
 @app.command()
 def actuators(
-    name: Annotated[str | None, typer.Argument(help="a shipped machine or a TOML data sheet")] = None, as_json: JsonOption = False
+    name: Annotated[
+        str | None, typer.Argument(help="a shipped machine or a TOML data sheet")
+    ] = None,
+    as_json: JsonOption = False,
 ) -> None:
-    """List the shipped machines, or print one machine's parameters, derived quantities and source."""
+    """List the shipped machines, or print one machine's parameters, derived quantities and
+    source."""
     if name is None:
         names = hydroctl.list_actuators()
         typer.echo(json.dumps(names) if as_json else "\n".join(names))
         return
     loaded = _machine(name)
-    from .summary import describe, machine_to_dict
+    from .report.summary import describe, machine_to_dict
 
     machine = hydroctl.characterize(loaded)
     typer.echo(json.dumps(machine_to_dict(machine), indent=1) if as_json else describe(machine))
@@ -120,41 +154,83 @@ def actuators(
 
 @app.command()
 def validate(
-    schedule: Annotated[list[Path], typer.Argument(help="a schedule.json that `hydroctl design` wrote; several to synchronize")],
-    variants: Annotated[str, typer.Option(help="machines to try: nominal, design or box")] = "nominal",
+    schedule: Annotated[
+        list[Path],
+        typer.Argument(help="a schedule.json that `hydroctl design` wrote; several to synchronize"),
+    ],
+    variants: Annotated[
+        str, typer.Option(help="machines to try: nominal, design or box")
+    ] = "nominal",
     count: Annotated[int, typer.Option(help="run this many random cases instead", min=0)] = 0,
     seed: Annotated[int, typer.Option(help="seed of the random cases", min=0)] = 0,
-    directory: Annotated[Path | None, typer.Option("-o", "--output", help="keep finished cases here; a new run resumes")] = None,
-    scheduler: Annotated[str | None, typer.Option(help="run them on a dask cluster, such as tcp://host:8786")] = None,
-    replay: Annotated[int | None, typer.Option(help="run one random case again, by its seed, and print its metrics", min=0)] = None,
-    synchronize: Annotated[bool, typer.Option("--synchronize", help="move one cylinder per schedule along one reference")] = False,
-    coupling: Annotated[str, typer.Option(help="of --synchronize: independent, master-slave, mean or ring")] = "mean",
-    tolerance: Annotated[float, typer.Option(help="of --synchronize: largest rms of max - min, in m", min=0)] = 1e-4,
+    directory: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="keep finished cases here; a new run resumes"),
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help="run them on a dask cluster, such as tcp://host:8786")
+    ] = None,
+    replay: Annotated[
+        int | None,
+        typer.Option(help="run one random case again, by its seed, and print its metrics", min=0),
+    ] = None,
+    synchronize: Annotated[
+        bool,
+        typer.Option("--synchronize", help="move one cylinder per schedule along one reference"),
+    ] = False,
+    coupling: Annotated[
+        str, typer.Option(help="of --synchronize: independent, master-slave, mean or ring")
+    ] = "mean",
+    tolerance: Annotated[
+        float, typer.Option(help="of --synchronize: largest rms of max - min, in m", min=0)
+    ] = 1e-4,
 ) -> None:
-    """Try a schedule on the nonlinear plant of the machine that it was designed for; or several on theirs, together."""
+    """Try a schedule on the nonlinear plant of the machine that it was designed for; or several on
+    theirs, together."""
     from . import validation
 
     if synchronize:
         _synchronize(schedule, coupling, tolerance, count, seed)
     if len(schedule) > 1:
-        raise hydroctl.InputError(f"{len(schedule)} schedules were given; add --synchronize, or validate one at a time.")
+        raise hydroctl.InputError(
+            f"{len(schedule)} schedules were given; add --synchronize, or validate one at a time."
+        )
     loaded = hydroctl.load_schedule(schedule[0])
     if replay is not None:
         machine, scenario, trajectory = validation.replay(loaded.actuator, loaded, replay)
         metrics = validation.measure(machine, scenario, trajectory)
-        typer.echo("\n".join([scenario.name, *(f"  {name} {value:.6g}" for name, value in asdict(metrics).items())]))
+        typer.echo(
+            "\n".join(
+                [
+                    scenario.name,
+                    *(f"  {name} {value:.6g}" for name, value in asdict(metrics).items()),
+                ]
+            )
+        )
     elif count:
         with (
             _interruptible(directory) as kept,
             validation.connected(scheduler) if scheduler else nullcontext() as executor,
             _progress() as advance,
         ):
-            cases = {"count": count, "seed": seed, "executor": executor, "directory": kept, "on_progress": advance}
+            cases = {
+                "count": count,
+                "seed": seed,
+                "executor": executor,
+                "directory": kept,
+                "on_progress": advance,
+            }
             cases["chunk_size"] = min(1024, 32 * math.ceil(count / 1024))
             result = validation.campaign(loaded.actuator, loaded, **cases)
         scale = validation.scale_of(loaded.actuator, loaded.loop)
-        verdicts = result.verdicts(validation.default_requirements(scale, loaded.loop, Mt=loaded.specification.Mt))
-        typer.echo("\n".join([f"{count} random cases, seed {seed}", *(f"  {verdict}" for verdict in verdicts)]))
+        verdicts = result.verdicts(
+            validation.default_requirements(scale, loaded.loop, Mt=loaded.specification.Mt)
+        )
+        typer.echo(
+            "\n".join(
+                [f"{count} random cases, seed {seed}", *(f"  {verdict}" for verdict in verdicts)]
+            )
+        )
         raise typer.Exit(0 if all(verdict.passed for verdict in verdicts) else 1)
     else:
         report = validation.validate(loaded.actuator, loaded, variants=variants)
@@ -164,8 +240,8 @@ def validate(
 
 @contextmanager
 def _interruptible(directory: Path | None):
-    """Where finished cases are kept: `directory`, or a temporary one that only an interrupt leaves behind. An interrupt ends the
-    program with 130 and one line that says how to go on.
+    """Where finished cases are kept: `directory`, or a temporary one that only an interrupt leaves
+    behind. An interrupt ends the program with 130 and one line that says how to go on.
     """
     resumable = directory is not None
     kept = directory or Path(tempfile.mkdtemp(prefix="hydroctl-"))
@@ -173,14 +249,19 @@ def _interruptible(directory: Path | None):
         yield kept
     except KeyboardInterrupt:
         resumable = True
-        typer.echo(f"hydroctl: interrupted; the same command with -o {kept} goes on from the finished cases", err=True)
+        typer.echo(
+            f"hydroctl: interrupted; the same command with -o {kept} goes on from the finished cases",
+            err=True,
+        )
         raise typer.Exit(130) from None
     finally:
         if not resumable:
             shutil.rmtree(kept, ignore_errors=True)
 
 
-def _synchronize(paths: list[Path], coupling: str, tolerance: float, count: int, seed: int) -> NoReturn:
+def _synchronize(
+    paths: list[Path], coupling: str, tolerance: float, count: int, seed: int
+) -> NoReturn:
     """The standard motion of the schedules' machines, or random cases of it."""
     from . import synchronization
 
@@ -195,39 +276,64 @@ def _synchronize(paths: list[Path], coupling: str, tolerance: float, count: int,
         result = hydroctl.synchronize(machines, schedules, profile, **given)
         if count:
             begin("random cases")
-            cases = synchronization.campaign(machines, schedules, profile, count=count, seed=seed, **given)
+            cases = synchronization.campaign(
+                machines, schedules, profile, count=count, seed=seed, **given
+            )
     typer.echo(result.summary())
     rms, completed = result.metrics.rms, result.completed
     if count:
         worst = cases.worst()
-        rms, completed = max(rms, float(cases.metrics["rms"][worst])), completed and bool(cases.completed.all())
+        rms, completed = (
+            max(rms, float(cases.metrics["rms"][worst])),
+            completed and bool(cases.completed.all()),
+        )
         failed = int((~cases.completed).sum())
-        typer.echo(f"{count} random cases, seed {seed}: {failed} failed, worst rms {1e3 * rms:.4f} mm (case {worst})")
+        typer.echo(
+            f"{count} random cases, seed {seed}: {failed} failed, worst rms {1e3 * rms:.4f} mm (case {worst})"
+        )
     reached, allowed = apart(rms, tolerance, digits=4, factor=1e3)
     judged = {
         f"rms {reached} mm, at most {allowed} mm allowed": rms <= tolerance,
         "every motion reaches its end": completed,
         "the coupling keeps its limit": designed.evidence.kept,
     }
-    typer.echo("\n".join(f"{'pass' if passed else 'FAIL'}  {requirement}" for requirement, passed in judged.items()))
+    typer.echo(
+        "\n".join(
+            f"{'pass' if passed else 'FAIL'}  {requirement}"
+            for requirement, passed in judged.items()
+        )
+    )
     raise typer.Exit(0 if all(judged.values()) else 1)
 
 
 @app.command()
 def identify(
     record: Annotated[Path, typer.Argument(help="a CSV file with columns t, x, v and y")],
-    machine: Annotated[str | None, typer.Option(help="a shipped machine or a data sheet, for its areas and volumes")] = None,
-    basis: Annotated[str, typer.Option(help="volume, volume-leakage, quadratic, paper or constant")] = "volume",
+    machine: Annotated[
+        str | None,
+        typer.Option(help="a shipped machine or a data sheet, for its areas and volumes"),
+    ] = None,
+    basis: Annotated[
+        str, typer.Option(help="volume, volume-leakage, quadratic, paper or constant")
+    ] = "volume",
     method: Annotated[str, typer.Option(help="srivc or least-squares")] = "srivc",
-    settling: Annotated[float, typer.Option(help="s at full opening to leave out after each reversal")] = 0.0,
-    column: Annotated[list[str] | None, typer.Option(help="name of a column in the file, such as x=valve")] = None,
+    settling: Annotated[
+        float, typer.Option(help="s at full opening to leave out after each reversal")
+    ] = 0.0,
+    column: Annotated[
+        list[str] | None, typer.Option(help="name of a column in the file, such as x=valve")
+    ] = None,
     unit: Annotated[list[str] | None, typer.Option(help="unit of a column, such as v=mm/s")] = None,
 ) -> None:
     """Identify the quasi-linear model from a measured record."""
-    data = hydroctl.read_record(record, columns=_pairs("--column", column), units=_pairs("--unit", unit))
+    data = hydroctl.read_record(
+        record, columns=_pairs("--column", column), units=_pairs("--unit", unit)
+    )
     actuator = None if machine is None else _machine(machine)
     settings = {"basis": basis, "actuator": actuator, "method": method, "settling": settling}
-    found = hydroctl.identify(data.t, data.x, data.v, data.y, **settings, progress=_tell if sys.stderr.isatty() else None)
+    found = hydroctl.identify(
+        data.t, data.x, data.v, data.y, **settings, progress=_tell if sys.stderr.isatty() else None
+    )
     fit = f"fit {found.fit.estimation:.2f} %, held out {found.fit.hold_out:.2f} %, one step {found.fit.one_step:.2f} %"
     typer.echo("\n".join([fit, found.model.table(), *found.restrictions]))
 
@@ -235,9 +341,12 @@ def identify(
 @app.command()
 def report(
     schedule: Annotated[Path, typer.Argument(help="a schedule.json that `hydroctl design` wrote")],
-    path: Annotated[Path, typer.Option("-o", "--output", help="the HTML file to write")] = Path("report.html"),
+    path: Annotated[Path, typer.Option("-o", "--output", help="the HTML file to write")] = Path(
+        "report.html"
+    ),
 ) -> None:
-    """Write the report page of a schedule: verdicts, maps, motions, and an explorer of its loop, in one HTML file."""
+    """Write the report page of a schedule: verdicts, maps, motions, and an explorer of its loop, in
+    one HTML file."""
     from .files import make_directory
     from .report import write_report
     from .validation import against_rivals, fixed_rival
@@ -259,10 +368,21 @@ def report(
 @app.command()
 def export(
     schedule: Annotated[Path, typer.Argument(help="a schedule.json that `hydroctl design` wrote")],
-    to: Annotated[Target, typer.Option(help="C99, structured text, MATLAB tables, FMUs, CSV, or the schedule file itself")],
-    directory: Annotated[Path, typer.Option("-o", "--output", help="where the files go")] = Path("hydroctl-out"),
-    single: Annotated[bool, typer.Option("--float", help="single precision: float in C, REAL in structured text")] = False,
-    force: Annotated[bool, typer.Option(help="export even if the schedule fails its checks; the files say so")] = False,
+    to: Annotated[
+        Target,
+        typer.Option(
+            help="C99, structured text, MATLAB tables, FMUs, CSV, or the schedule file itself"
+        ),
+    ],
+    directory: Annotated[Path, typer.Option("-o", "--output", help="where the files go")] = Path(
+        "hydroctl-out"
+    ),
+    single: Annotated[
+        bool, typer.Option("--float", help="single precision: float in C, REAL in structured text")
+    ] = False,
+    force: Annotated[
+        bool, typer.Option(help="export even if the schedule fails its checks; the files say so")
+    ] = False,
 ) -> None:
     """Export a schedule to the machine; files are named after the schedule's."""
     from .files import make_directory
@@ -278,7 +398,7 @@ def export(
 @app.command()
 def schema() -> None:
     """Print the JSON Schema (draft 2020-12) of schedule files."""
-    from .schedule_document import SCHEMA_FILE
+    from .schedule.document import SCHEMA_FILE
 
     typer.echo(SCHEMA_FILE.read_text(), nl=False)
 
@@ -296,7 +416,8 @@ def _tell(iteration: int, fit: float) -> None:
 
 @contextmanager
 def _progress():
-    """Gives the callback (done, count) of long work: after two seconds it draws a bar on stderr, if that is a terminal."""
+    """Gives the callback (done, count) of long work: after two seconds it draws a bar on stderr, if
+    that is a terminal."""
     start, bar = time.monotonic(), None
     with ExitStack() as stack:
 
@@ -312,7 +433,8 @@ def _progress():
 
 @contextmanager
 def _stages(count: int):
-    """Gives the callback (name) of the stages of long work, as each begins: on stderr, if a terminal, a bar that names it."""
+    """Gives the callback (name) of the stages of long work, as each begins: on stderr, if a
+    terminal, a bar that names it."""
     if not sys.stderr.isatty():
         yield lambda name: None
         return

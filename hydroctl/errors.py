@@ -26,7 +26,8 @@ class OperatingPointError(HydroctlError, ValueError):
 
 
 class InfeasibleError(HydroctlError):
-    """No regulator meets the specification; the message says which limit, where, and what is feasible."""
+    """No regulator meets the specification; the message says which limit, where, and what is
+    feasible."""
 
 
 class FailedChecksError(HydroctlError):
@@ -42,7 +43,8 @@ class SimulationError(HydroctlError, ArithmeticError):
 
 
 def shown(value: object) -> str:
-    """`repr(value)` for a message, cut where it is long; Python itself refuses to write out an integer of thousands of digits."""
+    """`repr(value)` for a message, cut where it is long; Python itself refuses to write out an
+    integer of thousands of digits."""
     try:
         text = repr(value)
     except ValueError:
@@ -51,7 +53,8 @@ def shown(value: object) -> str:
 
 
 def unknown_name(kind: str, name: object, known: Iterable[str]) -> str:
-    """One sentence for a name that is not in `known`, with the nearest known name first; a long name is cut."""
+    """One sentence for a name that is not in `known`, with the nearest known name first; a long
+    name is cut."""
     text, names = str(name), sorted(known)
     shown = text if len(text) <= _LONGEST_NAME else text[:_LONGEST_NAME] + "..."
     near = get_close_matches(shown, names, n=1)

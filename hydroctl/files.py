@@ -10,7 +10,8 @@ from .errors import InputError
 
 
 def require_writable(directory: str | Path) -> None:
-    """InputError unless `directory` can be written, or be made where it is not there. Leaves nothing behind."""
+    """InputError unless `directory` can be written, or be made where it is not there. Leaves
+    nothing behind."""
     nearest = Path(directory)
     while not nearest.exists() and nearest != nearest.parent:
         nearest = nearest.parent
@@ -22,7 +23,8 @@ def require_writable(directory: str | Path) -> None:
 
 
 def make_directory(path: str | Path) -> Path:
-    """The directory `path`, made with its parents if it is not there; InputError where that is not possible."""
+    """The directory `path`, made with its parents if it is not there; InputError where that is not
+    possible."""
     try:
         Path(path).mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -31,11 +33,14 @@ def make_directory(path: str | Path) -> Path:
 
 
 def _unwritable(directory, error: OSError) -> InputError:
-    return InputError(f"output directory {directory} cannot be written ({error.strerror}); name another.")
+    return InputError(
+        f"output directory {directory} cannot be written ({error.strerror}); name another."
+    )
 
 
 def write_file(path: str | Path, data: bytes) -> Path:
-    """Write `data` to a temporary name beside `path`, then rename; InputError where that is not possible."""
+    """Write `data` to a temporary name beside `path`, then rename; InputError where that is not
+    possible."""
     path = Path(path)
     temporary = None
     try:
@@ -47,5 +52,7 @@ def write_file(path: str | Path, data: bytes) -> Path:
     except OSError as error:
         if temporary is not None and os.path.exists(temporary):
             os.unlink(temporary)
-        raise InputError(f"{path} cannot be written ({error.strerror}); name another place.") from None
+        raise InputError(
+            f"{path} cannot be written ({error.strerror}); name another place."
+        ) from None
     return path

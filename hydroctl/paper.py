@@ -26,14 +26,14 @@ import dataclasses
 
 import numpy as np
 
-from .actuator import Actuator
-from .bases import Basis
-from .datasheet import load_actuator
-from .linearization import LinearFamily, linearize
-from .operating_point import find_operating_points
-from .quasi_linear import SIDES, QuasiLinearModel, Surface
-from .reduction import reduce_order
-from .region import Region
+from .machine.actuator import Actuator
+from .machine.datasheet import load_actuator
+from .model.linearization import LinearFamily, linearize
+from .model.operating_point import find_operating_points
+from .quasi_linear.bases import Basis
+from .quasi_linear.model import SIDES, QuasiLinearModel, Surface
+from .quasi_linear.reduction import reduce_order
+from .quasi_linear.region import Region
 
 LIMIT = 1e-9
 """|x| that stands for the limit x -> 0; the tables do not change from 1e-6 on"""
@@ -62,27 +62,37 @@ PRINTED_COEFFICIENTS = {
         "b": [38871.0, -54.1975, -35404.1, 106421.0],
     },
 }
-"""The table below equation (3) as printed; a1 multiplies 1, x, y, x y, y^2 and the others 1, x, y, y^2."""
+"""The table below equation (3) as printed; a1 multiplies 1, x, y, x y, y^2 and the others 1, x, y,
+y^2."""
 
 
 def actuator() -> Actuator:
-    """The paper's machine with which its tables were made: the shipped reference without leakage."""
+    """The paper's machine with which its tables were made: the shipped reference without
+    leakage."""
     return load_actuator("reference").replace(leakage=0.0)
 
 
 def zero_pole_table() -> list[tuple[float, float, float, float, complex]]:
-    """Table 1 computed: rows of x, y (m), zero, real pole and upper complex pole (rad/s), as PRINTED_ZEROS_AND_POLES."""
+    """Table 1 computed: rows of x, y (m), zero, real pole and upper complex pole (rad/s), as
+    PRINTED_ZEROS_AND_POLES."""
     x, y = np.array([[0.1], [1.0]]), np.array([0.1, 0.4])
     family = linearize(actuator(), find_operating_points(actuator(), x, y), form="secant")
     zero, poles = family.zeros()[..., 0], family.poles()
     return [
-        (float(family.points.x[i]), float(family.points.y[i]), float(zero[i]), float(poles[i][0].real), complex(poles[i][1]))
+        (
+            float(family.points.x[i]),
+            float(family.points.y[i]),
+            float(zero[i]),
+            float(poles[i][0].real),
+            complex(poles[i][1]),
+        )
         for i in np.ndindex(family.shape)
     ]
 
 
 def coefficient_table() -> dict[str, dict[str, list[float]]]:
-    """The table below equation (3) by the paper's recipe, its mistake for x < 0 included; laid out as PRINTED_COEFFICIENTS."""
+    """The table below equation (3) by the paper's recipe, its mistake for x < 0 included; laid out
+    as PRINTED_COEFFICIENTS."""
     return {"+": _fit(equilibrium_family("+")), "-": _fit(_family_at_the_wrong_point())}
 
 
@@ -96,27 +106,34 @@ def quasi_linear_model(table: dict[str, dict[str, list[float]]]) -> QuasiLinearM
     surfaces = {}
     for side, rows in table.items():
         coefficients = {name: np.array(row) for name, row in rows.items()} | {"offset": np.zeros(4)}
-        surfaces[side] = Surface(coefficients, Region.rectangle(SIDES[side] * np.array([0.0, 1.0]), POSITIONS))
+        surfaces[side] = Surface(
+            coefficients, Region.rectangle(SIDES[side] * np.array([0.0, 1.0]), POSITIONS)
+        )
     return QuasiLinearModel(Basis("paper"), surfaces)
 
 
 def equilibrium_family(side: str) -> LinearFamily:
-    """Secant models on the paper's grid at the true operating points, for x > 0 ("+") or x < 0 ("-")."""
+    """Secant models on the paper's grid at the true operating points, for x > 0 ("+") or x < 0
+    ("-")."""
     machine = actuator()
     points = find_operating_points(machine, SIDES[side] * OPENINGS[:, None], POSITIONS)
     return linearize(machine, points, form="secant")
 
 
 def _family_at_the_wrong_point() -> LinearFamily:
-    """The paper's half for x < 0: its equations for x < 0, linearized about the operating point of -x."""
+    """The paper's half for x < 0: its equations for x < 0, linearized about the operating point of
+    -x."""
     machine = actuator()
-    extending, retracting = (find_operating_points(machine, sign * OPENINGS[:, None], POSITIONS) for sign in (1.0, -1.0))
+    extending, retracting = (
+        find_operating_points(machine, sign * OPENINGS[:, None], POSITIONS) for sign in (1.0, -1.0)
+    )
     points = dataclasses.replace(retracting, p_a=extending.p_a, p_b=extending.p_b, v=extending.v)
     return linearize(machine, points, form="secant")
 
 
 def leading_coefficient_constant(family: LinearFamily) -> float:
-    """The one constant z/p at x = +-0.1, y = 0.25 m by which the paper multiplies n1, for a family on its grid."""
+    """The one constant z/p at x = +-0.1, y = 0.25 m by which the paper multiplies n1, for a family
+    on its grid."""
     return float(family.zeros()[_REFERENCE][0] / family.poles()[_REFERENCE][0].real)
 
 
@@ -126,5 +143,6 @@ def _fit(family: LinearFamily) -> dict[str, list[float]]:
     surfaces = {"a1": reduced.a1, "a2": reduced.a2, "b": constant * family.numerator[..., 0]}
     basis, x, y = Basis("paper"), family.points.x.ravel(), family.points.y.ravel()
     return {
-        name: np.linalg.lstsq(basis.terms(name, x, y), values.ravel(), rcond=None)[0].tolist() for name, values in surfaces.items()
+        name: np.linalg.lstsq(basis.terms(name, x, y), values.ravel(), rcond=None)[0].tolist()
+        for name, values in surfaces.items()
     }

@@ -15,11 +15,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from .digits import EXACT, FEWEST, apart
-from .linearization import LinearFamily
-from .margins import WORST_AT_MOST, Loop
-from .schedule import GainSchedule, sampled_plants
+from .loop.design_plants import sampled_plants
+from .loop.margins import WORST_AT_MOST, Loop
+from .model.linearization import LinearFamily
+from .schedule.schedule import GainSchedule
 
-_LIMITS = (*WORST_AT_MOST, "disk_margin", "gain_margin", "phase_margin", "delay_margin", "crossover")
+_LIMITS = (
+    *WORST_AT_MOST,
+    "disk_margin",
+    "gain_margin",
+    "phase_margin",
+    "delay_margin",
+    "crossover",
+)
 
 
 @dataclass(frozen=True)
@@ -42,7 +50,9 @@ class DampingCone:
     def distance(self, poles: np.ndarray) -> np.ndarray:
         """How much damping is missing; not positive inside."""
         size = np.abs(poles)
-        return self.damping + np.where(size == 0.0, 0.0, poles.real / np.where(size == 0.0, 1.0, size))
+        return self.damping + np.where(
+            size == 0.0, 0.0, poles.real / np.where(size == 0.0, 1.0, size)
+        )
 
 
 @dataclass(frozen=True)
@@ -57,9 +67,12 @@ class Disk:
         return np.abs(poles - self.centre) - self.radius
 
 
-def assert_poles_in(subject: LinearFamily | GainSchedule, region: HalfPlane | DampingCone | Disk) -> None:
-    """AssertionError unless all poles lie in `region`: of the plant, s-plane (a family, its feasible points), or of the sampled
-    closed loops at the design points of every variant, z-plane (a schedule)."""
+def assert_poles_in(
+    subject: LinearFamily | GainSchedule, region: HalfPlane | DampingCone | Disk
+) -> None:
+    """AssertionError unless all poles lie in `region`: of the plant, s-plane (a family, its
+    feasible points), or of the sampled closed loops at the design points of every variant, z-plane
+    (a schedule)."""
     poles, describe = _poles(subject)
     outside = region.distance(poles)
     worst = np.unravel_index(np.argmax(outside), outside.shape)
@@ -74,7 +87,9 @@ def assert_poles_in(subject: LinearFamily | GainSchedule, region: HalfPlane | Da
 def _outside(region: HalfPlane | DampingCone | Disk, pole: complex) -> str:
     """The pole in as many digits as put it outside in print, too."""
     texts = [f"{pole:.{count}g}" for count in range(FEWEST, EXACT + 1)]
-    return next((text for text in texts if region.distance(np.array(complex(text))) > 0.0), texts[-1])
+    return next(
+        (text for text in texts if region.distance(np.array(complex(text))) > 0.0), texts[-1]
+    )
 
 
 def _poles(subject):
@@ -82,21 +97,31 @@ def _poles(subject):
         x, y = subject.design_x, subject.design_y
         labels, plants = sampled_plants(subject.actuator, x, y, subject.loop, subject.specification)
         regulators = subject.gains(x[:, None], y).broadcast_to(plants.shape)
-        return Loop(plants, regulators).poles(), lambda i: f"x={x[i[1]]:g}, y={y[i[2]]:g} m, {labels[i[0]]}"
+        return Loop(
+            plants, regulators
+        ).poles(), lambda i: f"x={x[i[1]]:g}, y={y[i[2]]:g} m, {labels[i[0]]}"
     points = subject.points
     index = np.argwhere(points.feasible)
-    return subject.poles()[points.feasible], lambda i: f"x={points.x[*index[i]]:g}, y={points.y[*index[i]]:g} m"
+    return subject.poles()[
+        points.feasible
+    ], lambda i: f"x={points.x[*index[i]]:g}, y={points.y[*index[i]]:g} m"
 
 
 def assert_margins(schedule: GainSchedule, **limits: float) -> None:
-    """AssertionError unless every margin holds at the design points, half-way between them, and on every variant.
+    """AssertionError unless every margin holds at the design points, half-way between them, and on
+    every variant.
 
-    `Ms`, `Mt` and `gain_reduction_margin` (factor) are upper limits; `disk_margin`, `gain_margin` (factor), `phase_margin` (rad),
-    `delay_margin` (s) and `crossover` (rad/s) lower ones. Unstable loops always fail.
+    `Ms`, `Mt` and `gain_reduction_margin` (factor) are upper limits; `disk_margin`, `gain_margin`
+    (factor), `phase_margin` (rad), `delay_margin` (s) and `crossover` (rad/s) lower ones. Unstable
+    loops always fail.
     """
     if unknown := sorted(set(limits) - set(_LIMITS)):
         raise TypeError(f"unknown margin {', '.join(unknown)}; known: {', '.join(_LIMITS)}")
-    faults = [f"{schedule.margins.unstable} closed loops are unstable"] if schedule.margins.unstable else []
+    faults = (
+        [f"{schedule.margins.unstable} closed loops are unstable"]
+        if schedule.margins.unstable
+        else []
+    )
     for name, limit in limits.items():
         worst = schedule.margins.worst(name)
         missing = worst.value - limit if name in WORST_AT_MOST else limit - worst.value

@@ -13,8 +13,9 @@
 # %% [markdown]
 # # Does the controller compute what the simulation computed?
 #
-# A schedule is worth what runs on the machine. This notebook exports one as C, compiles it, feeds it the measurements of a motion
-# of the nonlinear machine sample by sample, and compares its commands with those of the simulation. It needs a C compiler.
+# A schedule is worth what runs on the machine. This notebook exports one as C, compiles it, feeds
+# it the measurements of a motion of the nonlinear machine sample by sample, and compares its
+# commands with those of the simulation. It needs a C compiler.
 
 # %%
 import ctypes
@@ -37,7 +38,14 @@ import hydroctl as hc
 actuator = hc.load_actuator("reference")
 settings = {"measurement_filter": 3e-4, "derivative_on": "measurement"}
 x, y = np.array([-1.0, -0.1, 0.1, 1.0]), np.array([0.0, 0.25, 0.5])
-schedule = hc.tune(actuator, x, y, loop="position", structure="pid+notch", specification=hc.Specification(**settings))
+schedule = hc.tune(
+    actuator,
+    x,
+    y,
+    loop="position",
+    structure="pid+notch",
+    specification=hc.Specification(**settings),
+)
 written = hc.export_schedule(schedule, "press.c", format="c")
 print(*written)
 
@@ -68,16 +76,23 @@ state = ctypes.create_string_buffer(1024)
 library.press_init(state)
 library.press_step.restype = ctypes.c_double
 
-# %% [markdown]
-# ## The same motion twice
-# A step at full opening, so that limit and anti-windup act too. The simulation runs its own, compiled form of the law; the C code
-# gets only what the sensors would tell it.
+# %% [markdown] ## The same motion twice A step at full opening, so that limit and anti-windup act
+# too. The simulation runs its own, compiled form of the law; the C code gets only what the sensors
+# would tell it.
 
 # %%
 t = np.arange(2200) * schedule.Ts
-scenario = hc.Scenario(name="step of 250 mm", loop="position", Ts=schedule.Ts, reference=np.where(t < 0.05, 0.1, 0.35), y=0.1)
+scenario = hc.Scenario(
+    name="step of 250 mm",
+    loop="position",
+    Ts=schedule.Ts,
+    reference=np.where(t < 0.05, 0.1, 0.35),
+    y=0.1,
+)
 motion = hc.simulate_closed_loop(actuator, schedule, scenario)
-signals = np.stack([scenario.reference, scenario.v_ref, motion.p_a, motion.p_b, motion.v, motion.y], axis=-1)
+signals = np.stack(
+    [scenario.reference, scenario.v_ref, motion.p_a, motion.p_b, motion.v, motion.y], axis=-1
+)
 commands = np.array([library.press_step(state, ctypes.byref(Input(*row))) for row in signals])
 
 # %%
@@ -93,11 +108,12 @@ below.set(xlabel="time (s)", ylabel="position y (m)")
 below.legend()
 figure
 
-# %% [markdown]
-# ## The answer
-# All 2200 commands agree to rounding: the C code and the simulation are two independent forms of one law.
+# %% [markdown] ## The answer All 2200 commands agree to rounding: the C code and the simulation are
+# two independent forms of one law.
 
 # %%
 difference = np.abs(commands - motion.command).max()
-print(f"{np.count_nonzero(np.abs(commands) == 1.0)} samples at the limit, largest difference of a command {difference:.1e}")
+print(
+    f"{np.count_nonzero(np.abs(commands) == 1.0)} samples at the limit, largest difference of a command {difference:.1e}"
+)
 assert difference <= 1e-12

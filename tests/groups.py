@@ -1,4 +1,5 @@
-"""Groups of cylinders for the tests of synchronised motion, and an independent route to such motions."""
+"""Groups of cylinders for the tests of synchronised motion, and an independent route to such
+motions."""
 
 from __future__ import annotations
 
@@ -17,7 +18,9 @@ NOMINAL = hc.Specification(uncertainty="nominal", Ms=1.6, Mt=1.3)
 @functools.cache
 def tuned(bulk_modulus: float, mass: float, supply_pressure: float):
     """A position PI with notch on such a variant of the reference actuator, nominal Ms 1.6."""
-    machine = hc.load_actuator("reference").replace(bulk_modulus=bulk_modulus, mass=mass, supply_pressure=supply_pressure)
+    machine = hc.load_actuator("reference").replace(
+        bulk_modulus=bulk_modulus, mass=mass, supply_pressure=supply_pressure
+    )
     return hc.tune(machine, X, Y, loop="position", structure="pi+notch", specification=NOMINAL)
 
 
@@ -47,7 +50,8 @@ def plain_differences(name: str, e: np.ndarray) -> np.ndarray:
 
 
 def accurate_group(actuators, schedules, profile, states, loads, *, name, kc, ki, override=None):
-    """((N, n) positions, (N, n) speeds, rates): `PlainRegulator`, DOP853 from sample to sample, the coupling by its definition."""
+    """((N, n) positions, (N, n) speeds, rates): `PlainRegulator`, DOP853 from sample to sample, the
+    coupling by its definition."""
     regulators = [PlainRegulator(schedule) for schedule in schedules]
     states, integrals = [np.array(state, dtype=float) for state in states], np.zeros(len(actuators))
     commands, found, rates = [], [], []
@@ -56,21 +60,36 @@ def accurate_group(actuators, schedules, profile, states, loads, *, name, kc, ki
     for k in range(loads.shape[1]):
         found.append(states)
         y = np.array([state[3] for state in states])
-        reference, speed = (np.interp(place, np.arange(last + 1), path) for path in (profile.position, profile.speed))
+        reference, speed = (
+            np.interp(place, np.arange(last + 1), path)
+            for path in (profile.position, profile.speed)
+        )
         if override is not None:
             lag = np.max(np.sign(speed) * (reference - y)) if speed != 0.0 else -np.inf
             wanted = np.interp(lag, [override.free, override.limit], [1.0, override.least])
             if lag > override.limit:
                 wanted = max(
-                    override.least, 1.0 - (lag - override.free) / (override.limit - override.free) * (1.0 - override.least)
+                    override.least,
+                    1.0
+                    - (lag - override.free)
+                    / (override.limit - override.free)
+                    * (1.0 - override.least),
                 )
             rate += profile.Ts / (override.time_constant + profile.Ts) * (wanted - rate)
         d = plain_differences(name, reference - y)
         targets = reference + kc * d + integrals
-        commands.append([r.command(t, rate * speed, *z[:4]) for r, t, z in zip(regulators, targets, states, strict=True)])
+        commands.append(
+            [
+                r.command(t, rate * speed, *z[:4])
+                for r, t, z in zip(regulators, targets, states, strict=True)
+            ]
+        )
         if np.max(np.abs(commands[-1])) < 1.0:
             integrals = integrals + profile.Ts * ki * d
-        told = [commands[k - s.delay_samples][i] if k >= s.delay_samples else 0.0 for i, s in enumerate(schedules)]
+        told = [
+            commands[k - s.delay_samples][i] if k >= s.delay_samples else 0.0
+            for i, s in enumerate(schedules)
+        ]
         states = [
             accurate_hold(actuator, z, x, load[k] + total_load(actuator), profile.Ts)
             for actuator, z, x, load in zip(actuators, states, told, loads, strict=True)

@@ -28,7 +28,8 @@ DIFFERENTIAL = Actuator(
 
 
 def mirrored(actuator: Actuator) -> Actuator:
-    """The machine with its two sides exchanged: y counts from the other end, x and load change sign."""
+    """The machine with its two sides exchanged: y counts from the other end, x and load change
+    sign."""
     return actuator.replace(
         area_a=actuator.area_b,
         area_b=actuator.area_a,
@@ -47,7 +48,8 @@ def total_load(actuator: Actuator) -> float:
 
 
 def paper_closed_form(actuator: Actuator, x: float) -> tuple[float, float, float]:
-    """(p_1n, p_2n, v_n) as section 3 of the source paper prints them: x > 0, no leakage, no load, tank at zero."""
+    """(p_1n, p_2n, v_n) as section 3 of the source paper prints them: x > 0, no leakage, no load,
+    tank at zero."""
     f1, f2, p0, b, s = (
         actuator.area_a,
         actuator.area_b,
@@ -57,22 +59,43 @@ def paper_closed_form(actuator: Actuator, x: float) -> tuple[float, float, float
     )
     cubes = f1**3 + f2**3
     root = np.sqrt(4 * f1 * cubes * p0 * s + b**2 * s**2)
-    p_1 = (p0 * s - f1**3 * p0 * s / cubes - b**2 * f1**2 * s**2 / (2 * cubes**2) + b * f1**2 * s * root / (2 * cubes**2)) / s
-    p_2 = (f1 * f2**2 * p0 * s / cubes + b**2 * f2**2 * s**2 / (2 * cubes**2) - b * f2**2 * s * root / (2 * cubes**2)) / s
+    p_1 = (
+        p0 * s
+        - f1**3 * p0 * s / cubes
+        - b**2 * f1**2 * s**2 / (2 * cubes**2)
+        + b * f1**2 * s * root / (2 * cubes**2)
+    ) / s
+    p_2 = (
+        f1 * f2**2 * p0 * s / cubes
+        + b**2 * f2**2 * s**2 / (2 * cubes**2)
+        - b * f2**2 * s * root / (2 * cubes**2)
+    ) / s
     return p_1, p_2, (-b * s + root) / (2 * cubes)
 
 
 def balances(actuator: Actuator, x, p_a, p_b, v, load_force=0.0):
-    """The three equilibrium equations as the source paper writes them (sqrt of |dp|), each as the list of its terms."""
+    """The three equilibrium equations as the source paper writes them (sqrt of |dp|), each as the
+    list of its terms."""
     if x >= 0:
-        q_1, q_4 = x * np.sqrt(abs(actuator.supply_pressure - p_a)), -x * np.sqrt(abs(p_b - actuator.tank_pressure))
+        q_1, q_4 = (
+            x * np.sqrt(abs(actuator.supply_pressure - p_a)),
+            -x * np.sqrt(abs(p_b - actuator.tank_pressure)),
+        )
     else:
-        q_1, q_4 = x * np.sqrt(abs(p_a - actuator.tank_pressure)), -x * np.sqrt(abs(actuator.supply_pressure - p_b))
+        q_1, q_4 = (
+            x * np.sqrt(abs(p_a - actuator.tank_pressure)),
+            -x * np.sqrt(abs(actuator.supply_pressure - p_b)),
+        )
     leak = actuator.leakage * (p_a - p_b)
     return (
         (actuator.flow_coefficient * q_1, -actuator.area_a * v, -leak),
         (actuator.flow_coefficient_b * q_4, actuator.area_b * v, leak),
-        (actuator.area_a * p_a, -actuator.area_b * p_b, -actuator.viscous_friction * v, -load_force),
+        (
+            actuator.area_a * p_a,
+            -actuator.area_b * p_b,
+            -actuator.viscous_friction * v,
+            -load_force,
+        ),
     )
 
 
@@ -82,8 +105,8 @@ def imbalance(*arguments, **keywords) -> float:
 
 
 def made_machine(uniform) -> Actuator:
-    """A physically valid machine of a size that is built: bores 25 to 500 mm, 50 to 350 bar, 1 kg to 100 t; `uniform(low, high)`
-    draws each number."""
+    """A physically valid machine of a size that is built: bores 25 to 500 mm, 50 to 350 bar, 1 kg
+    to 100 t; `uniform(low, high)` draws each number."""
 
     def between(low, high):
         """Evenly in the logarithm."""
@@ -96,7 +119,9 @@ def made_machine(uniform) -> Actuator:
     area_a = np.pi / 4 * bore**2
     area_b = area_a * uniform(0.3, 1.0)
     dead_a, dead_b = between(0.01, 0.5) * area_a * stroke, between(0.01, 0.5) * area_b * stroke
-    flow = between(0.02, 1.0) * area_a / np.sqrt(supply / 2)  # 0.02 to 1 m/s at half the supply pressure
+    flow = (
+        between(0.02, 1.0) * area_a / np.sqrt(supply / 2)
+    )  # 0.02 to 1 m/s at half the supply pressure
     return Actuator(
         area_a=area_a,
         area_b=area_b,
@@ -117,7 +142,9 @@ def made_machine(uniform) -> Actuator:
 
 def with_lag(machine: Actuator, uniform) -> Actuator:
     """`machine` with a valve of 10 to 300 Hz, some of them hardly damped."""
-    frequency, damping = (np.exp(uniform(np.log(low), np.log(high))) for low, high in ((60.0, 2000.0), (0.002, 1.2)))
+    frequency, damping = (
+        np.exp(uniform(np.log(low), np.log(high))) for low, high in ((60.0, 2000.0), (0.002, 1.2))
+    )
     return machine.replace(valve_natural_frequency=frequency, valve_damping=damping)
 
 
@@ -129,7 +156,8 @@ def machines(draw) -> Actuator:
 
 @st.composite
 def inclined_machines(draw) -> Actuator:
-    """`machines` at any angle at which their weight is at most a fifth of the force of the rod side."""
+    """`machines` at any angle at which their weight is at most a fifth of the force of the rod
+    side."""
     machine = draw(machines())
     most = 0.2 * machine.area_b * machine.supply_pressure / (9.80665 * machine.mass)
     return machine.replace(inclination=draw(st.floats(-1.0, 1.0)) * math.asin(min(most, 1.0)))

@@ -1,8 +1,10 @@
-"""Margins of one sampled loop by a route that shares nothing with the product's: no partial fractions, no frequency grid.
+"""Margins of one sampled loop by a route that shares nothing with the product's: no partial
+fractions, no frequency grid.
 
-The plant is held exactly by scipy's matrix exponential, commands that wait are states, C is evaluated from its formula. The
-frequencies are the angles of the eigenvalues of the open and of the closed loop, with steps of a share of each one's width
-about it, between which crossings and peaks are bracketed and then found by bisection and by golden section.
+The plant is held exactly by scipy's matrix exponential, commands that wait are states, C is
+evaluated from its formula. The frequencies are the angles of the eigenvalues of the open and of the
+closed loop, with steps of a share of each one's width about it, between which crossings and peaks
+are bracketed and then found by bisection and by golden section.
 """
 
 import math
@@ -57,7 +59,9 @@ def sampled(A, B, c, Ts, delay):
         return block[:n, :n], block[:n, n]
 
     (F, whole_step), (_, newest) = hold(Ts), hold(Ts * (1.0 - late))
-    acts = [newest] if late == 0.0 else [newest, whole_step - newest]  # of the commands `whole`, `whole` + 1 samples old
+    acts = (
+        [newest] if late == 0.0 else [newest, whole_step - newest]
+    )  # of the commands `whole`, `whole` + 1 samples old
     memory = whole + len(acts) - 1
     full, G = np.zeros((n + memory, n + memory)), np.zeros(n + memory)
     full[:n, :n] = F
@@ -85,7 +89,8 @@ def regulator(z, Ts, kp, ki, kd, Tf, notch=None):
 
 
 def closed_poles(F, G, c, Ts, kp, ki, kd, Tf, notch=None):
-    """Zeros of (denominator + numerator) of the loop, by a realization that is built block by block."""
+    """Zeros of (denominator + numerator) of the loop, by a realization that is built block by
+    block."""
     blocks = [(1.0, Ts * ki, 0.0)] if ki else []
     fade = Tf / (Tf + Ts)
     blocks += [(fade, -(1.0 - fade) * kd / (Tf + Ts), kd / (Tf + Ts))] if kd else []
@@ -95,7 +100,14 @@ def closed_poles(F, G, c, Ts, kp, ki, kd, Tf, notch=None):
         wn, zz, zp = notch
         q = wn / math.tan(wn * Ts / 2.0)
         top, bottom = (
-            np.array([q * q + 2 * d * wn * q + wn * wn, 2 * (wn * wn - q * q), q * q - 2 * d * wn * q + wn * wn]) for d in (zz, zp)
+            np.array(
+                [
+                    q * q + 2 * d * wn * q + wn * wn,
+                    2 * (wn * wn - q * q),
+                    q * q - 2 * d * wn * q + wn * wn,
+                ]
+            )
+            for d in (zz, zp)
         )
         top, bottom = top / bottom[0], bottom / bottom[0]
         An, Bn = np.array([[-bottom[1], 1.0], [-bottom[2], 0.0]]), top[1:] - bottom[1:] * top[0]
@@ -108,7 +120,8 @@ def closed_poles(F, G, c, Ts, kp, ki, kd, Tf, notch=None):
 
 
 def frequencies(poles, Ts):
-    """Logarithmic, and about the angle of each of `poles` in steps of a tenth of its width and then ever wider ones."""
+    """Logarithmic, and about the angle of each of `poles` in steps of a tenth of its width and then
+    ever wider ones."""
     nyquist = math.pi / Ts
     omega = [np.geomspace(1e-11 * nyquist, nyquist, 11 * PER_DECADE)]
     for pole in poles:
@@ -157,12 +170,18 @@ def margins(plant, Ts, law) -> Found:
             low, high = omega[max(k - 1, 0)], omega[min(k + 1, len(omega) - 1)]
             for _ in range(60):
                 a, b = low + 0.381966 * (high - low), low + 0.618034 * (high - low)
-                low, high = (low, b) if function(L(np.array([a])))[0] > function(L(np.array([b])))[0] else (a, high)
+                low, high = (
+                    (low, b)
+                    if function(L(np.array([a])))[0] > function(L(np.array([b])))[0]
+                    else (a, high)
+                )
             best = max(best, heights[k], function(L(np.array([0.5 * (low + high)])))[0])
         return float(best)
 
     gains, real = crossings(lambda v: np.abs(v) - 1.0), crossings(np.imag)
-    on_axis = np.concatenate([L(real) if real.size else np.zeros(0, complex), L(np.array([math.pi / Ts]))])
+    on_axis = np.concatenate(
+        [L(real) if real.size else np.zeros(0, complex), L(np.array([math.pi / Ts]))]
+    )
     factors = -1.0 / on_axis.real[(on_axis.real < 0.0) & (on_axis.real > -1e9)]
     phases = np.angle(-L(gains)) if gains.size else np.zeros(0)
     lags = np.where(phases > 0.0, phases, phases + 2.0 * math.pi) / gains
@@ -179,12 +198,17 @@ def margins(plant, Ts, law) -> Found:
 
 
 def allowed_scales(L, Ms, Mt):
-    """[(lowest, highest)]: the factors k > 0 on the loop gains L (n,) with which nowhere |S| > Ms or |T| > Mt, in closed form.
+    """[(lowest, highest)]: the factors k > 0 on the loop gains L (n,) with which nowhere |S| > Ms
+    or |T| > Mt, in closed form.
 
-    |1 + k L| = 1/Ms and |k L| = Mt |1 + k L| are quadratic in k: each frequency forbids what lies between its two roots.
+    |1 + k L| = 1/Ms and |k L| = Mt |1 + k L| are quadratic in k: each frequency forbids what lies
+    between its two roots.
     """
     size, real, forbidden = np.abs(L) ** 2, np.real(L), []
-    for a, b, c in ((size, 2.0 * real, 1.0 - Ms**-2), (size * (Mt**2 - 1.0), 2.0 * Mt**2 * real, Mt**2)):
+    for a, b, c in (
+        (size, 2.0 * real, 1.0 - Ms**-2),
+        (size * (Mt**2 - 1.0), 2.0 * Mt**2 * real, Mt**2),
+    ):
         inside = b * b - 4.0 * a * c
         some = (inside > 0.0) & (b < 0.0)
         root = np.sqrt(inside[some])
@@ -193,4 +217,7 @@ def allowed_scales(L, Ms, Mt):
     order = np.argsort(low)
     low, reached = low[order], np.concatenate([[0.0], np.maximum.accumulate(high[order])])
     gaps = np.append(low, np.inf) > reached
-    return [(float(a), float(b)) for a, b in zip(reached[gaps], np.append(low, np.inf)[gaps], strict=True)]
+    return [
+        (float(a), float(b))
+        for a, b in zip(reached[gaps], np.append(low, np.inf)[gaps], strict=True)
+    ]

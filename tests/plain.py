@@ -1,14 +1,15 @@
-"""The project's equations as plain Python on floats, without arrays: the same lines, with `math` in the place of numpy."""
+"""The project's equations as plain Python on floats, without arrays: the same lines, with `math` in
+the place of numpy."""
 
 from __future__ import annotations
 
 import math
 from types import FunctionType, ModuleType, SimpleNamespace
 
-from hydroctl import plant as _plant
-from hydroctl.simulation import law as _law
-from hydroctl.simulation import motion as _motion
-from hydroctl.simulation import runge_kutta as _runge_kutta
+from hydroctl.model import plant as _plant
+from hydroctl.regulator import law as _law
+from hydroctl.simulation.kernels import motion as _motion
+from hydroctl.simulation.kernels import runge_kutta as _runge_kutta
 
 _NUMPY = SimpleNamespace(
     abs=abs,
@@ -26,7 +27,11 @@ _NUMPY = SimpleNamespace(
 def plain(module: ModuleType, **replaced) -> SimpleNamespace:
     names = vars(module) | {"np": _NUMPY} | replaced
     for name, value in vars(module).items():
-        if isinstance(value, FunctionType) and value.__module__ == module.__name__ and name not in replaced:
+        if (
+            isinstance(value, FunctionType)
+            and value.__module__ == module.__name__
+            and name not in replaced
+        ):
             names[name] = FunctionType(value.__code__, names, name, value.__defaults__)
     return SimpleNamespace(**names)
 

@@ -1,7 +1,7 @@
 """A small interpreter of structured text: what blark parses is turned into Python and run.
 
-It knows the part of IEC 61131-3 that the exported function blocks use, and refuses everything else by name: an export that
-strays from that part fails its tests.
+It knows the part of IEC 61131-3 that the exported function blocks use, and refuses everything else
+by name: an export that strays from that part fails its tests.
 """
 
 from __future__ import annotations
@@ -22,11 +22,14 @@ FUNCTIONS = {
     "tan": np.tan,
 }
 TYPES = {"lreal": float, "real": np.float32, "int": int, "udint": int, "bool": bool}
-OPERATORS = {"=": "==", "<>": "!=", "and": "and", "or": "or"} | {sign: sign for sign in ("+", "-", "*", "/", "<", "<=", ">", ">=")}
+OPERATORS = {"=": "==", "<>": "!=", "and": "and", "or": "or"} | {
+    sign: sign for sign in ("+", "-", "*", "/", "<", "<=", ">", ">=")
+}
 
 
 def load(source: str, name: str):
-    """A class: the function block `name`. An instance holds every variable as an attribute, in lower case, and is called to run."""
+    """A class: the function block `name`. An instance holds every variable as an attribute, in
+    lower case, and is called to run."""
     units = parse_source_code(without_comments(source)).transform().items
     functions = dict(FUNCTIONS)
     for unit in units:
@@ -38,7 +41,8 @@ def load(source: str, name: str):
 
 
 def without_comments(source: str) -> str:
-    """The same program without comments and spare blanks: the parser's time grows with every character."""
+    """The same program without comments and spare blanks: the parser's time grows with every
+    character."""
     bare = re.sub(r"\(\*.*?\*\)", " ", source, flags=re.DOTALL)
     return re.sub(r"\s*([^\w.\s])\s*", r"\1", re.sub(r"\s+", " ", bare)).strip()
 
@@ -57,7 +61,11 @@ class _Instance:
 
 
 def _function(unit, functions):
-    inputs = [variable.variable.name.lower() for item in unit.declarations[0].items for variable in item.variables]
+    inputs = [
+        variable.variable.name.lower()
+        for item in unit.declarations[0].items
+        for variable in item.variables
+    ]
     declared = _declared(unit)
     body = _compiled(unit.body, functions, declared)
 
@@ -90,7 +98,11 @@ def _initial(init):
     assert all(edge.start.value == "0" for edge in init.spec.subranges)
     values = [TYPES[init.spec.type.type_name.lower()](value) for value in _flat(init.value)]
     assert len(values) == math.prod(shape), f"{len(values)} values for an array of {shape}"
-    return values if len(shape) == 1 else [values[k * shape[1] : (k + 1) * shape[1]] for k in range(shape[0])]
+    return (
+        values
+        if len(shape) == 1
+        else [values[k * shape[1] : (k + 1) * shape[1]] for k in range(shape[0])]
+    )
 
 
 def _flat(array):
@@ -110,7 +122,8 @@ def _compiled(body, functions, declared):
 
 
 def _statements(body, depth, reals):
-    """Lines of Python; what is assigned to one of the variables `reals` is rounded to single precision."""
+    """Lines of Python; what is assigned to one of the variables `reals` is rounded to single
+    precision."""
     indent = "    " * depth
     for node in body.statements if body else ():
         match type(node).__name__:
@@ -144,7 +157,9 @@ def _expression(node) -> str:
             return f"m.{node.name.lower()}"
         case "MultiElementVariable":
             (subscripts,) = node.elements
-            return _expression(node.name) + "".join(f"[{_expression(index)}]" for index in subscripts.subscripts)
+            return _expression(node.name) + "".join(
+                f"[{_expression(index)}]" for index in subscripts.subscripts
+            )
         case "Real" | "Integer":
             return str(node.value)
         case "Boolean":
@@ -152,7 +167,9 @@ def _expression(node) -> str:
         case "UnaryOperation":
             return f"({'not ' if node.op.lower() == 'not' else node.op}{_expression(node.expr)})"
         case "BinaryOperation":
-            return f"({_expression(node.left)} {OPERATORS[node.op.lower()]} {_expression(node.right)})"
+            return (
+                f"({_expression(node.left)} {OPERATORS[node.op.lower()]} {_expression(node.right)})"
+            )
         case "ParenthesizedExpression":
             return f"({_expression(node.expr)})"
         case "FunctionCall":

@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 import pytest
-from test_datasheet import MALFORMED, UNREADABLE, _sheet
+from sheets import MALFORMED, UNREADABLE, written
 
 import hydroctl as hc
 
@@ -45,10 +45,18 @@ def sheet(tmp_path):
         (('mass = "100 kg"', 'mas = "100 kg"'), "'mas' is unknown; did you mean 'mass'"),
         (('mass = "100 kg"', "mass = -5"), "mass = -5 kg must be above 0"),
         (('mass = "100 kg"', 'mass = "heavy"'), "mass = 'heavy' is not one number with one unit"),
-        (('area_a = "20 cm^2"\narea_b = "15 cm^2"', 'bore_diameter = "50 mm"\nrod_diameter = "60 mm"'), "rod_diameter"),
+        (
+            (
+                'area_a = "20 cm^2"\narea_b = "15 cm^2"',
+                'bore_diameter = "50 mm"\nrod_diameter = "60 mm"',
+            ),
+            "rod_diameter",
+        ),
     ],
 )
-def test_a_bad_data_sheet_is_one_message_and_code_2_and_leaves_nothing(command, sheet, tmp_path, change, message):
+def test_a_bad_data_sheet_is_one_message_and_code_2_and_leaves_nothing(
+    command, sheet, tmp_path, change, message
+):
     out = tmp_path / "out"
     code, stdout, stderr = command("design", sheet(change), "-o", out)
     assert (code, stdout) == (2, "")
@@ -69,7 +77,9 @@ def test_a_bad_data_sheet_is_one_message_and_code_2_and_leaves_nothing(command, 
         (("actuators", "a" * 5000), "is unknown"),
     ],
 )
-def test_bad_arguments_are_one_message_and_code_2(command, monkeypatch, tmp_path, arguments, message):
+def test_bad_arguments_are_one_message_and_code_2(
+    command, monkeypatch, tmp_path, arguments, message
+):
     monkeypatch.chdir(tmp_path)
     code, stdout, stderr = command(*arguments)
     assert (code, stdout) == (2, "")
@@ -83,8 +93,11 @@ WAY_OUT = re.compile(
 
 
 def _refused(command, path, name):
-    """The messages of `hydroctl name path`, one a line, after what holds for every refused data sheet."""
-    code, stdout, stderr = command(name, path, *(("-o", path.parent / "out") if name == "design" else ()))
+    """The messages of `hydroctl name path`, one a line, after what holds for every refused data
+    sheet."""
+    code, stdout, stderr = command(
+        name, path, *(("-o", path.parent / "out") if name == "design" else ())
+    )
     assert (code, stdout) == (2, "")
     lines = stderr.removeprefix("hydroctl: ").splitlines()
     for line in lines:
@@ -97,9 +110,11 @@ def _refused(command, path, name):
 
 @pytest.mark.parametrize("name", ["actuators", "design"])
 @pytest.mark.parametrize(("changes", "words"), MALFORMED, ids=lambda value: ",".join(value)[:40])
-def test_a_malformed_data_sheet_is_code_2_with_a_line_per_fault(command, tmp_path, changes, words, name):
+def test_a_malformed_data_sheet_is_code_2_with_a_line_per_fault(
+    command, tmp_path, changes, words, name
+):
     path = tmp_path / "machine.toml"
-    path.write_text(_sheet(changes))
+    path.write_text(written(changes))
     lines = _refused(command, path, name)
     assert len(lines) == len(words)
     assert all(any(word in line for line in lines) for word in words)
@@ -107,7 +122,9 @@ def test_a_malformed_data_sheet_is_code_2_with_a_line_per_fault(command, tmp_pat
 
 @pytest.mark.parametrize("name", ["actuators", "design"])
 @pytest.mark.parametrize("kind", [*UNREADABLE, "directory"])
-def test_a_file_that_is_no_data_sheet_is_code_2_with_a_line_per_fault(command, tmp_path, kind, name):
+def test_a_file_that_is_no_data_sheet_is_code_2_with_a_line_per_fault(
+    command, tmp_path, kind, name
+):
     path = tmp_path / "machine.toml"
     data, words = UNREADABLE.get(kind, (None, "cannot be read"))
     path.mkdir() if data is None else path.write_bytes(data)
@@ -116,7 +133,9 @@ def test_a_file_that_is_no_data_sheet_is_code_2_with_a_line_per_fault(command, t
 
 
 def test_a_process_of_its_own_ends_with_code_2(tmp_path):
-    (tmp_path / "machine.toml").write_text(_sheet({"mass": '"-1 kg"', "tank_pressure": '"300 bar"'}))
+    (tmp_path / "machine.toml").write_text(
+        written({"mass": '"-1 kg"', "tank_pressure": '"300 bar"'})
+    )
     command = [sys.executable, "-m", "hydroctl.cli", "design", "machine.toml"]
     ended = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
     assert (ended.returncode, ended.stdout, len(ended.stderr.splitlines())) == (2, "", 2)
@@ -124,7 +143,7 @@ def test_a_process_of_its_own_ends_with_code_2(tmp_path):
 
 
 def test_at_least_forty_malformed_files_are_tried():
-    assert len({_sheet(changes) for changes, _ in MALFORMED}) + len(UNREADABLE) >= 40
+    assert len({written(changes) for changes, _ in MALFORMED}) + len(UNREADABLE) >= 40
 
 
 def test_an_output_directory_that_cannot_be_made_is_code_2(command, tmp_path):
@@ -150,7 +169,9 @@ def test_actuators_are_listed_and_described(command):
 def schedule(reference, tmp_path_factory):
     path = tmp_path_factory.mktemp("cli") / "schedule.json"
     corners = hc.Specification(uncertainty="corners")
-    return hc.tune(reference, [-1.0, -0.1, 0.1, 1.0], [0.0, 0.25, 0.5], specification=corners).save(path)
+    return hc.tune(reference, [-1.0, -0.1, 0.1, 1.0], [0.0, 0.25, 0.5], specification=corners).save(
+        path
+    )
 
 
 def test_a_saved_schedule_is_validated_and_its_random_cases_replayed(command, schedule):
@@ -172,8 +193,21 @@ def test_a_record_is_identified_with_its_own_column_names_and_units(command, ref
     motion = hc.simulate(reference, t, x)
     rows = zip(t, x, 1e3 * motion.v, motion.y, strict=True)
     path = tmp_path / "record.csv"
-    path.write_text("time,valve,speed,y\n" + "\n".join(",".join(f"{value:.9g}" for value in row) for row in rows) + "\n")
-    options = ("--column", "t=time", "--column", "x=valve", "--column", "v=speed", "--unit", "v=mm/s")
+    path.write_text(
+        "time,valve,speed,y\n"
+        + "\n".join(",".join(f"{value:.9g}" for value in row) for row in rows)
+        + "\n"
+    )
+    options = (
+        "--column",
+        "t=time",
+        "--column",
+        "x=valve",
+        "--column",
+        "v=speed",
+        "--unit",
+        "v=mm/s",
+    )
     code, stdout, _ = command("identify", path, "--basis", "constant", *options)
     assert code == 0
     assert "held out" in stdout
@@ -183,5 +217,7 @@ def test_a_record_is_identified_with_its_own_column_names_and_units(command, ref
 
 def test_help_loads_nothing_heavy():
     code = "import sys, hydroctl.cli; print([m for m in ('numpy', 'scipy', 'control', 'matplotlib', 'numba') if m in sys.modules])"
-    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
     assert loaded.stdout.strip() == "[]"

@@ -1,4 +1,5 @@
-"""Numbers with a verdict between them differ in print where they differ, in the order in which they differ."""
+"""Numbers with a verdict between them differ in print where they differ, in the order in which they
+differ."""
 
 import math
 import re
@@ -11,14 +12,14 @@ from hypothesis import strategies as st
 
 import hydroctl as hc
 from hydroctl.digits import apart
-from hydroctl.margins import Loop
-from hydroctl.operating_point import stall_force
+from hydroctl.loop.design_plants import sampled_plants
+from hydroctl.loop.margins import Loop
+from hydroctl.model.operating_point import stall_force
 from hydroctl.report.page import against_limit, page, shown_unit
-from hydroctl.schedule import sampled_plants
 from hydroctl.synchronization.coupling import CouplingEvidence
 from hydroctl.testing import Disk, HalfPlane, assert_margins, assert_poles_in
 from hydroctl.validation import Verdict, scale_of
-from hydroctl.verdicts import margin_verdicts
+from hydroctl.validation.margin_verdicts import margin_verdicts
 
 FACTORS = (1.0, 1e-5, 1e3, 100.0, 180.0 / math.pi, 0.5 / math.pi)
 LINE = re.compile(r"(pass|FAIL)  .*: (\S+) (<=|>=|<|>) (\S+)(?: (\S+))?  \((.*)\)")
@@ -38,12 +39,18 @@ def pairs(draw):
     near = one
     for _ in range(draw(st.integers(0, 3))):
         near = math.nextafter(near, draw(st.sampled_from([-math.inf, math.inf])))
-    return draw(st.permutations([one, near * (1.0 + draw(st.sampled_from([0.0, 1e-15, -1e-12, 1e-9, -1e-6])))]))
+    return draw(
+        st.permutations(
+            [one, near * (1.0 + draw(st.sampled_from([0.0, 1e-15, -1e-12, 1e-9, -1e-6])))]
+        )
+    )
 
 
 def judged(achieved: float, limit: float, at_least: bool, unit: str) -> Verdict:
     passed = achieved >= limit if at_least else achieved <= limit
-    return Verdict("requirement", unit, "reason", limit, achieved, passed, "scenario", "variant", at_least)
+    return Verdict(
+        "requirement", unit, "reason", limit, achieved, passed, "scenario", "variant", at_least
+    )
 
 
 def hair(value: float, direction: float) -> float:
@@ -61,7 +68,9 @@ def test_texts_differ_as_the_values_do_and_in_their_order(pair, factor, digits):
     assert (float(one) < float(other)) == (pair[0] < pair[1])
     assert (one == other) == (pair[0] == pair[1])
     for text, value in zip((one, other), pair, strict=True):
-        assert float(text) == pytest.approx(value * factor, rel=0.51 * 10.0 ** (1 - digits), abs=math.ulp(0.0))
+        assert float(text) == pytest.approx(
+            value * factor, rel=0.51 * 10.0 ** (1 - digits), abs=math.ulp(0.0)
+        )
 
 
 @pytest.mark.parametrize("factor", FACTORS[1:])
@@ -103,7 +112,9 @@ def test_a_verdict_prints_what_is_true_of_the_numbers_that_it_prints(pair, at_le
     verdict = judged(*pair, at_least, unit)
     if pair[0] == pair[1]:
         assert verdict.passed
-        assert re.fullmatch(rf"pass  .*: \S+{' ' if unit else ''}{unit}, the limit  \(.*\)", str(verdict))
+        assert re.fullmatch(
+            rf"pass  .*: \S+{' ' if unit else ''}{unit}, the limit  \(.*\)", str(verdict)
+        )
         return
     word, achieved, sign, limit, printed, _ = LINE.fullmatch(str(verdict)).groups()
     assert HOLDS[sign](float(achieved), float(limit))
@@ -120,16 +131,24 @@ def test_a_row_of_the_report_does_so_in_the_unit_of_the_reader(pair, at_least, u
     assert (reached == allowed) == (pair[0] == pair[1])
     factor = {"Pa": 1e-5, "rad": 180.0 / math.pi, "rad/s": 0.5 / math.pi}.get(unit, 1.0)
     assert reached == pytest.approx(pair[0] * factor, rel=0.51e-3, abs=0.0)
-    assert shown_unit(unit) == {"1": "", "Pa": "bar", "rad": "degrees", "rad/s": "Hz"}.get(unit, unit)
+    assert shown_unit(unit) == {"1": "", "Pa": "bar", "rad": "degrees", "rad/s": "Hz"}.get(
+        unit, unit
+    )
 
 
 @pytest.fixture(scope="module")
 def schedule(reference):
-    return hc.tune(reference, [-1.0, 1.0], [0.0, 0.25, 0.5], specification=hc.Specification(uncertainty="nominal"))
+    return hc.tune(
+        reference,
+        [-1.0, 1.0],
+        [0.0, 0.25, 0.5],
+        specification=hc.Specification(uncertainty="nominal"),
+    )
 
 
 def test_a_design_that_fails_by_a_hair_says_so_in_every_output(reference, schedule):
-    """Every requirement and every margin is set one step of the arithmetic, and 1e-9, on the wrong side of what is reached."""
+    """Every requirement and every margin is set one step of the arithmetic, and 1e-9, on the wrong
+    side of what is reached."""
     validation = hc.validate(reference, schedule)
     for step in (lambda value: hair(value, -1.0), lambda value: value - 1e-9 * abs(value)):
         missed = [
@@ -153,7 +172,10 @@ def test_a_design_that_fails_by_a_hair_says_so_in_every_output(reference, schedu
 
 def test_margins_that_a_users_test_misses_by_a_hair_are_told_apart(schedule):
     upper = {name: hair(schedule.margins.worst(name).value, -1.0) for name in ("Ms", "Mt")}
-    lower = {name: hair(schedule.margins.worst(name).value, 1.0) for name in ("gain_margin", "phase_margin", "crossover")}
+    lower = {
+        name: hair(schedule.margins.worst(name).value, 1.0)
+        for name in ("gain_margin", "phase_margin", "crossover")
+    }
     with pytest.raises(AssertionError) as caught:
         assert_margins(schedule, **upper, **lower)
     told = re.findall(r"(\w+) is (\S+) at .*?: limit (\S+), off by", str(caught.value))
@@ -173,16 +195,26 @@ def test_a_pole_outside_by_a_hair_is_printed_outside(family, schedule):
 def test_a_sampled_pole_outside_by_a_hair_is_printed_outside(reference, schedule):
     x, y = schedule.design_x, schedule.design_y
     _, plants = sampled_plants(reference, x, y, "velocity", schedule.specification)
-    largest = np.abs(Loop(plants, schedule.gains(x[:, None], y).broadcast_to(plants.shape)).poles()).max()
+    largest = np.abs(
+        Loop(plants, schedule.gains(x[:, None], y).broadcast_to(plants.shape)).poles()
+    ).max()
     for radius in (hair(largest, -1.0), largest * (1.0 - 1e-9)):
         with pytest.raises(AssertionError) as caught:
             assert_poles_in(schedule, Disk(radius))
         assert abs(complex(re.search(r"pole (\S+),", str(caught.value))[1])) > radius
 
 
-@pytest.mark.parametrize(("Ms", "kept"), [(2.0, True), (2.002, True), (2.0000001, True), (hair(2.002, 1.0), False)])
+@pytest.mark.parametrize(
+    ("Ms", "kept"), [(2.0, True), (2.002, True), (2.0000001, True), (hair(2.002, 1.0), False)]
+)
 def test_the_evidence_of_a_coupling_separates_what_it_reached_from_its_limit(Ms, kept):
-    common = {"wanted_kc": 0.5, "wanted_ki": 40.0, "Ms_limit": 2.0, "Ms_uncoupled": 1.5, "cylinder": 0}
+    common = {
+        "wanted_kc": 0.5,
+        "wanted_ki": 40.0,
+        "Ms_limit": 2.0,
+        "Ms_uncoupled": 1.5,
+        "cylinder": 0,
+    }
     place = {"variant": "nominal", "x": 0.1, "y": 0.2}
     for pole, stable in ((0.9, True), (hair(1.0, -1.0), True), (1.0, False)):
         evidence = CouplingEvidence(Ms=Ms, largest_pole=pole, **common, **place)
@@ -210,15 +242,33 @@ def crossover(actuator) -> float:
 NOMINAL = hc.Specification(uncertainty="nominal")
 UP, DOWN = (lambda value: hair(value, 1.0)), (lambda value: hair(value, -1.0))
 BY_A_HAIR = {
-    "volume_b": (lambda a: a.replace(volume_b=DOWN(a.area_b * a.stroke)), r"volume_b = (\S+) m.* = (\S+) m\^3\)", float.__lt__),
-    "pressures": (lambda a: a.replace(tank_pressure=UP(a.supply_pressure)), r"= (\S+) Pa is not below .* = (\S+) Pa", float.__gt__),
+    "volume_b": (
+        lambda a: a.replace(volume_b=DOWN(a.area_b * a.stroke)),
+        r"volume_b = (\S+) m.* = (\S+) m\^3\)",
+        float.__lt__,
+    ),
+    "pressures": (
+        lambda a: a.replace(tank_pressure=UP(a.supply_pressure)),
+        r"= (\S+) Pa is not below .* = (\S+) Pa",
+        float.__gt__,
+    ),
     "friction": (
-        lambda a: a.replace(coulomb_friction=123.4, breakaway_friction=DOWN(123.4), stribeck_speed=0.01),
+        lambda a: a.replace(
+            coulomb_friction=123.4, breakaway_friction=DOWN(123.4), stribeck_speed=0.01
+        ),
         r"= (\S+) N is below .* = (\S+) N",
         float.__lt__,
     ),
-    "a bound": (lambda a: a.replace(dead_band=UP(1.0)), r"dead_band = (\S+) must be below (\S+) ", float.__gt__),
-    "stroke": (lambda a: hc.rest_state(a, UP(a.stroke)), r"y = (\S+) m is outside the stroke; give 0 to (\S+) m", float.__gt__),
+    "a bound": (
+        lambda a: a.replace(dead_band=UP(1.0)),
+        r"dead_band = (\S+) must be below (\S+) ",
+        float.__gt__,
+    ),
+    "stroke": (
+        lambda a: hc.rest_state(a, UP(a.stroke)),
+        r"y = (\S+) m is outside the stroke; give 0 to (\S+) m",
+        float.__gt__,
+    ),
     "stall force": (
         lambda a: hc.rest_state(a, load_force=UP(float(stall_force(a, 1.0)))),
         r"the load of (\S+) N .* and (\S+) N",
@@ -226,7 +276,9 @@ BY_A_HAIR = {
     ),
     "sample time": (
         lambda a: hc.simulate_closed_loop(
-            a, hc.tune(a, [1.0], [0.2], specification=NOMINAL), replace(hc.step_scenarios(a, "velocity")[0], Ts=1e-3 * (1.0 + 1e-9))
+            a,
+            hc.tune(a, [1.0], [0.2], specification=NOMINAL),
+            replace(hc.step_scenarios(a, "velocity")[0], Ts=1e-3 * (1.0 + 1e-9)),
         ),
         r"sampled every (\S+) s, the schedule every (\S+) s",
         float.__gt__,
@@ -241,10 +293,20 @@ BY_A_HAIR = {
         r"x=(\S+), y=.*dead band of (\S+), so",
         float.__lt__,
     ),
-    "end of the stroke": (lambda a: hc.find_operating_points(a, 0.5, UP(a.stroke)), r"y=(\S+) m: .*0 to (\S+) m", float.__gt__),
-    "full opening": (lambda a: hc.find_operating_points(a, UP(1.0), 0.2), r"x=(\S+), y=.* -1 and (1)\.", float.__gt__),
+    "end of the stroke": (
+        lambda a: hc.find_operating_points(a, 0.5, UP(a.stroke)),
+        r"y=(\S+) m: .*0 to (\S+) m",
+        float.__gt__,
+    ),
+    "full opening": (
+        lambda a: hc.find_operating_points(a, UP(1.0), 0.2),
+        r"x=(\S+), y=.* -1 and (1)\.",
+        float.__gt__,
+    ),
     "crossover": (
-        lambda a: hc.tune(a, [1.0], [0.2], specification=replace(NOMINAL, min_crossover=UP(crossover(a)))),
+        lambda a: hc.tune(
+            a, [1.0], [0.2], specification=replace(NOMINAL, min_crossover=UP(crossover(a)))
+        ),
         r"cross over at (\S+) rad/s, below min_crossover = (\S+) ",
         float.__lt__,
     ),

@@ -1,4 +1,5 @@
-"""What users call in their own tests: it passes where the law holds and names the worst point where it does not."""
+"""What users call in their own tests: it passes where the law holds and names the worst point where
+it does not."""
 
 import numpy as np
 import pytest
@@ -9,7 +10,12 @@ from hydroctl.testing import DampingCone, Disk, HalfPlane, assert_margins, asser
 
 @pytest.fixture(scope="module")
 def schedule(reference):
-    return hc.tune(reference, [-1.0, 1.0], [0.0, 0.25, 0.5], specification=hc.Specification(uncertainty="corners"))
+    return hc.tune(
+        reference,
+        [-1.0, 1.0],
+        [0.0, 0.25, 0.5],
+        specification=hc.Specification(uncertainty="corners"),
+    )
 
 
 def test_poles_of_the_plant_lie_left_of_their_slowest_and_not_left_of_half_of_it(family):
@@ -35,7 +41,9 @@ def test_flagged_points_of_a_family_do_not_count(reference):
 def test_sampled_loops_of_a_schedule_lie_in_the_unit_disk(schedule):
     assert_poles_in(schedule, Disk(1.0))
     count = 5 * schedule.design_x.size * schedule.design_y.size
-    with pytest.raises(AssertionError, match=rf"of {count} points.*x=-?1, y=0.* m, (nominal|bulk_modulus)"):
+    with pytest.raises(
+        AssertionError, match=rf"of {count} points.*x=-?1, y=0.* m, (nominal|bulk_modulus)"
+    ):
         assert_poles_in(schedule, Disk(0.5))
 
 
@@ -44,7 +52,9 @@ def test_margins_that_hold_pass(schedule):
 
 
 def test_every_margin_that_is_missed_is_named_with_its_place(schedule):
-    with pytest.raises(AssertionError, match=r"Ms is 1\.6\d+ at x=.* y=.* limit 1\.5, off by 0\.1.*; crossover is") as caught:
+    with pytest.raises(
+        AssertionError, match=r"Ms is 1\.6\d+ at x=.* y=.* limit 1\.5, off by 0\.1.*; crossover is"
+    ) as caught:
         assert_margins(schedule, Ms=1.5, crossover=1e4, Mt=1.3)
     assert "Mt" not in str(caught.value)
 

@@ -6,7 +6,7 @@ from math import isnan
 from pathlib import Path
 
 from ..files import write_file
-from ..test_vectors import TOLERANCE
+from ..regulator.vectors import TOLERANCE
 from . import precision
 from .contents import Contents
 from .parts import parts
@@ -29,11 +29,14 @@ def sources(contents: Contents, name: str, real: str) -> tuple[bytes, bytes]:
         "precision": precision.statement(contents) if real == "float" else [],
         "checks": _checks(contents, real),
     }
-    return tuple(render(f"regulator.{kind}.jinja", filters=filters(real), **values) for kind in ("h", "c"))
+    return tuple(
+        render(f"regulator.{kind}.jinja", filters=filters(real), **values) for kind in ("h", "c")
+    )
 
 
 def _checks(contents: Contents, real: str) -> list[dict]:
-    """The test vectors, with what x may differ by and, where one starts, the gains in use and what they may differ by."""
+    """The test vectors, with what x may differ by and, where one starts, the gains in use and what
+    they may differ by."""
     vectors = contents.vectors
     if real == "float":
         by_x = precision.tolerances(contents.regulator, vectors)
@@ -50,7 +53,8 @@ def _checks(contents: Contents, real: str) -> list[dict]:
 
 
 def filters(real: str) -> dict:
-    """What the templates write numbers with: `number` for one, `numbers` for several with commas."""
+    """What the templates write numbers with: `number` for one, `numbers` for several with
+    commas."""
 
     def number(value: float) -> str:
         return "NAN" if isnan(value) else shortest(value, real) + ("f" if real == "float" else "")

@@ -1,4 +1,5 @@
-"""What every export of a schedule starts from: its law, its test vectors and where it comes from."""
+"""What every export of a schedule starts from: its law, its test vectors and where it comes
+from."""
 
 from __future__ import annotations
 
@@ -10,16 +11,16 @@ import numpy as np
 
 from .. import __version__
 from ..errors import FailedChecksError
-from ..schedule_document import GAIN_UNITS, Document
-from ..schedule_file import document_of, vectors_in
-from ..simulation.law import Regulator
-from ..test_vectors import Vector, law_of
+from ..regulator.law import Regulator
+from ..regulator.vectors import Vector, law_of
+from ..schedule.document import GAIN_UNITS, Document
+from ..schedule.file import document_of, vectors_in
 from ..validation import failures
-from ..verdicts import margin_verdicts
+from ..validation.margin_verdicts import margin_verdicts
 from .text import harmless
 
 if TYPE_CHECKING:
-    from ..schedule import GainSchedule
+    from ..schedule.schedule import GainSchedule
 
 _WIDTH = 100
 
@@ -41,7 +42,11 @@ class Contents:
     @property
     def tables(self) -> dict[str, np.ndarray]:
         """The tables (nx, ny) that the law has a use for, by name."""
-        used = {"kp": True, "ki": bool(np.any(self.schedule.ki)), "kd": bool(np.any(self.schedule.kd))}
+        used = {
+            "kp": True,
+            "ki": bool(np.any(self.schedule.ki)),
+            "kd": bool(np.any(self.schedule.kd)),
+        }
         used["notch_frequency"] = self.regulator.shaped
         return {name: getattr(self.schedule, name) for name, use in used.items() if use}
 
@@ -65,8 +70,15 @@ class Contents:
             *map(self._worst, ("Ms", "Mt")),
         ]
         if self.document.failed_checks:
-            given += ["WRITTEN BY FORCE, ALTHOUGH THESE CHECKS FAILED:", *self.document.failed_checks]
-        return [part for line in given for part in wrap(harmless(line), _WIDTH, subsequent_indent="    ")]
+            given += [
+                "WRITTEN BY FORCE, ALTHOUGH THESE CHECKS FAILED:",
+                *self.document.failed_checks,
+            ]
+        return [
+            part
+            for line in given
+            for part in wrap(harmless(line), _WIDTH, subsequent_indent="    ")
+        ]
 
     def _worst(self, name: str) -> str:
         worst = self.schedule.margins.worst(name)
@@ -74,9 +86,11 @@ class Contents:
 
 
 def contents_of(schedule: GainSchedule, *, force: bool = False) -> Contents:
-    """The contents of `schedule`. Raises FailedChecksError where it fails a check of its margins, or
-    failed one in its design, unless `force`."""
+    """The contents of `schedule`. Raises FailedChecksError where it fails a check of its margins,
+    or failed one in its design, unless `force`."""
     failed = tuple(dict.fromkeys([*failures(margin_verdicts(schedule)), *schedule.failed_checks]))
     if failed and not force:
-        raise FailedChecksError("the schedule fails its own checks; design it anew, or force the export:", failed)
-    return Contents(schedule, law_of(schedule), document_of(schedule, failed))
+        raise FailedChecksError(
+            "the schedule fails its own checks; design it anew, or force the export:", failed
+        )
+    return Contents(schedule, law_of(schedule.regulator), document_of(schedule, failed))

@@ -9,10 +9,13 @@ from .contents import Contents
 
 
 def write_csv(contents: Contents, path: Path) -> tuple[Path, ...]:
-    """Write `path`: comment lines, the names with their units, then x, y and the gains of each node, y running fastest."""
+    """Write `path`: comment lines, the names with their units, then x, y and the gains of each
+    node, y running fastest."""
     s = contents.schedule
     lines = [f"# {line}" for line in contents.provenance]
-    lines.append(",".join(["x", "y [m]", *(f"{name} [{unit}]" for name, unit in contents.units.items())]))
+    lines.append(
+        ",".join(["x", "y [m]", *(f"{name} [{unit}]" for name, unit in contents.units.items())])
+    )
     for i, x in enumerate(s.x):
         for j, y in enumerate(s.y):
             gains = [getattr(s, name)[i, j] for name in contents.units]

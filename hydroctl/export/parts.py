@@ -1,8 +1,9 @@
-"""What the templates of the law are filled with: its constants, and which of its parts are in use."""
+"""What the templates of the law are filled with: its constants, and which of its parts are in
+use."""
 
 from __future__ import annotations
 
-from ..simulation import law
+from ..regulator import law
 from .contents import Contents
 
 
@@ -32,7 +33,10 @@ def parts(contents: Contents) -> dict:
         r._asdict()
         | values
         | {
-            "tables": [{"name": name, "unit": contents.units[name], "rows": table.tolist()} for name, table in tables.items()],
+            "tables": [
+                {"name": name, "unit": contents.units[name], "rows": table.tolist()}
+                for name, table in tables.items()
+            ],
             "fields": _fields(values),
             "reads": law.inputs_read(r),
         }

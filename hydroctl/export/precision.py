@@ -1,10 +1,10 @@
 """By how much the law in single precision may differ from that in double.
 
-The law itself runs here on numbers that carry, beside their value, the effect on it of every rounding
-so far, to first order: of the constants and tables as written, of the inputs, of each operation. What
-the roundings of a sample do to the memory is then followed through later samples by the law's own
-derivatives. Each rounding counts as the largest possible and all as of the worst signs: what is seen
-is commonly a hundredth of that.
+The law itself runs here on numbers that carry, beside their value, the effect on it of every
+rounding so far, to first order: of the constants and tables as written, of the inputs, of each
+operation. What the roundings of a sample do to the memory is then followed through later samples by
+the law's own derivatives. Each rounding counts as the largest possible and all as of the worst
+signs: what is seen is commonly a hundredth of that.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..simulation import absent_law, law
-from ..test_vectors import Vector
+from ..regulator import absent_law, law
+from ..regulator.vectors import Vector
 from .contents import Contents
 
 UNIT = 2.0**-24
@@ -43,13 +43,15 @@ _TANGENT = 2.0
 
 
 class _Roundings:
-    """The roundings of one sample at n points, counted. Rows of effects: those of the memory, then those of the roundings."""
+    """The roundings of one sample at n points, counted. Rows of effects: those of the memory, then
+    those of the roundings."""
 
     def __init__(self, points: int):
         self.shape, self.count = (len(_STATES) + _ROUNDINGS, points), len(_STATES)
 
     def rounded(self, value, error=None, effects=0.0) -> _Number:
-        """A number with one more rounding, by at most `error` (default: that of single precision)."""
+        """A number with one more rounding, by at most `error` (default: that of single
+        precision)."""
         value, effects = np.broadcast_to(value, self.shape[1:]), effects + np.zeros(self.shape)
         effects[self.count] += UNIT * np.abs(value) if error is None else error
         self.count += 1
@@ -108,17 +110,21 @@ def _effects(number):
 
 
 def _is_exact(ufunc, inputs) -> bool:
-    """Whether nothing is rounded: a change of sign; a product with 0 or a power of two; a sum with 0."""
+    """Whether nothing is rounded: a change of sign; a product with 0 or a power of two; a sum with
+    0."""
     if ufunc is np.negative:
         return True
     plain = [given for given in inputs if not isinstance(given, _Number)]
     if ufunc is np.multiply:
         return any((np.abs(np.frexp(value)[0]) % 0.5 == 0.0).all() for value in plain)
-    return ufunc in (np.add, np.subtract) and any((np.asarray(value) == 0.0).all() for value in plain)
+    return ufunc in (np.add, np.subtract) and any(
+        (np.asarray(value) == 0.0).all() for value in plain
+    )
 
 
 class Sample(NamedTuple):
-    """A new memory, values (n,), and what the memory before it (n, 9, 9) and each rounding (n, 9, roundings) does to it."""
+    """A new memory, values (n,), and what the memory before it (n, 9, 9) and each rounding (n, 9,
+    roundings) does to it."""
 
     memory: law.Memory
     by_memory: np.ndarray
@@ -137,9 +143,12 @@ def statement(contents: Contents) -> list[str]:
 
 
 def stated_bound(contents: Contents, samples: int) -> float:
-    """`bound` for references and measurements of the size of the stroke, or of the speed at full opening."""
+    """`bound` for references and measurements of the size of the stroke, or of the speed at full
+    opening."""
     s, regulator = contents.schedule, contents.regulator
-    extent = s.actuator.stroke if regulator.position else max(s.speed_gain_extend, s.speed_gain_retract)
+    extent = (
+        s.actuator.stroke if regulator.position else max(s.speed_gain_extend, s.speed_gain_retract)
+    )
     return bound(regulator, samples, extent)
 
 
@@ -154,17 +163,28 @@ def bound(regulator: law.Regulator, samples: int, extent: float) -> float:
 
     It adds up what each sample does to a steady motion with the command of the node, when its
     roundings are those with the proportional part as large as the command, and against it. The
-    reference and what is measured, in units of the loop, are at most of the size `extent` (position:
-    y is the node's). The inputs' own rounding counts once: it acts like an error of the sensors.
+    reference and what is measured, in units of the loop, are at most of the size `extent`
+    (position: y is the node's). The inputs' own rounding counts once: it acts like an error of the
+    sensors.
     """
-    x, y = (nodes.ravel() for nodes in np.meshgrid(_INSIDE * regulator.x, regulator.y, indexing="ij"))
+    x, y = (
+        nodes.ravel() for nodes in np.meshgrid(_INSIDE * regulator.x, regulator.y, indexing="ij")
+    )
     kp = law.gains_at(x, y, regulator)[0]
     error = np.clip(-x / np.where(kp == 0.0, np.inf, kp), -extent, extent)
     measured = y if regulator.position else np.full(x.shape, extent)
 
     def sample(error, input_error):
-        inputs = (measured + error, np.zeros(x.shape), *_design_pressures(x, regulator), measured, y)
-        return linear_sample(_started(x, inputs, regulator).memory, inputs, regulator, np.full(x.shape, input_error))
+        inputs = (
+            measured + error,
+            np.zeros(x.shape),
+            *_design_pressures(x, regulator),
+            measured,
+            y,
+        )
+        return linear_sample(
+            _started(x, inputs, regulator).memory, inputs, regulator, np.full(x.shape, input_error)
+        )
 
     exact = sample(error, 0.0).by_rounding
     by_inputs = np.abs(sample(error, UNIT).by_rounding - exact)[:, _X].sum(axis=1)
@@ -184,16 +204,24 @@ def tolerances(regulator: law.Regulator, vectors: list[Vector]) -> list[float]:
                 started = _started(np.array([vector.start]), inputs, regulator)
                 memory, effects = started.memory, started.by_rounding[0]
             one = linear_sample(memory, inputs, regulator, np.zeros(1))
-            memory, effects = one.memory, np.concatenate([one.by_memory[0] @ effects, one.by_rounding[0]], axis=1)
+            memory, effects = (
+                one.memory,
+                np.concatenate([one.by_memory[0] @ effects, one.by_rounding[0]], axis=1),
+            )
         found.append(float(np.abs(effects[_X]).sum()) + UNIT)
     return found
 
 
 def gain_tolerances(regulator: law.Regulator, vectors: list[Vector]) -> list[tuple[float, ...]]:
-    """The largest differences of kp, ki, kd and wn that are looked up where a vector starts; 0 for the others."""
+    """The largest differences of kp, ki, kd and wn that are looked up where a vector starts; 0 for
+    the others."""
     found = []
     for vector in vectors:
-        gains = () if vector.start is None else _look_up(np.array([vector.start]), np.array([vector.inputs[-1]]), regulator)
+        gains = (
+            ()
+            if vector.start is None
+            else _look_up(np.array([vector.start]), np.array([vector.inputs[-1]]), regulator)
+        )
         found.append(tuple(float(gain.error[0]) for gain in gains) or (0.0,) * 4)
     return found
 
@@ -217,23 +245,33 @@ def _started(x: np.ndarray, inputs, regulator: law.Regulator) -> Sample:
     roundings = _Roundings(x.size)
     reference, v_ref, *measured = inputs
     written = roundings.written(regulator)
-    gains = [roundings.rounded(found.value, found.error) for found in _look_up(x, measured[-1], regulator)]
+    gains = [
+        roundings.rounded(found.value, found.error)
+        for found in _look_up(x, measured[-1], regulator)
+    ]
     x = _Number(x, np.zeros(roundings.shape), roundings)
     new = law.held(x, reference, law.feed_forward(v_ref, written), measured, gains, written)
     return _followed(new, roundings)
 
 
-def linear_sample(memory: law.Memory, inputs, regulator: law.Regulator, input_error: np.ndarray) -> Sample:
-    """A sample of the law at n points; all arrays are (n,). `input_error`: the relative error of the inputs."""
+def linear_sample(
+    memory: law.Memory, inputs, regulator: law.Regulator, input_error: np.ndarray
+) -> Sample:
+    """A sample of the law at n points; all arrays are (n,). `input_error`: the relative error of
+    the inputs."""
     roundings = _Roundings(input_error.size)
     written, remembered = roundings.written(regulator), roundings.remembered(memory)
-    reference, v_ref, *measured = (roundings.rounded(value, input_error * np.abs(value)) for value in inputs)
+    reference, v_ref, *measured = (
+        roundings.rounded(value, input_error * np.abs(value)) for value in inputs
+    )
     gains = []
     for found in _look_up(remembered.x.value, measured[-1].value, regulator):
         effects = found.by_x * remembered.x.effects + found.by_y * measured[-1].effects
         gains.append(roundings.rounded(found.value, found.error, effects))
     forward = law.feed_forward(v_ref, written)
-    return _followed(_regulate(regulator)(reference, forward, measured, gains, remembered, written), roundings)
+    return _followed(
+        _regulate(regulator)(reference, forward, measured, gains, remembered, written), roundings
+    )
 
 
 def _regulate(regulator: law.Regulator):
@@ -250,9 +288,15 @@ def _regulate(regulator: law.Regulator):
 
 
 def _followed(new: law.Memory, roundings: _Roundings) -> Sample:
-    effects = np.stack([np.broadcast_to(_effects(value), roundings.shape) for value in new[:-1]]).transpose(2, 0, 1)
-    values = law.Memory(*(np.broadcast_to(_value(value), roundings.shape[1:]) for value in new[:-1]), new.running)
-    return Sample(values, effects[..., : len(_STATES)], effects[..., len(_STATES) : roundings.count])
+    effects = np.stack(
+        [np.broadcast_to(_effects(value), roundings.shape) for value in new[:-1]]
+    ).transpose(2, 0, 1)
+    values = law.Memory(
+        *(np.broadcast_to(_value(value), roundings.shape[1:]) for value in new[:-1]), new.running
+    )
+    return Sample(
+        values, effects[..., : len(_STATES)], effects[..., len(_STATES) : roundings.count]
+    )
 
 
 class _LookedUp(NamedTuple):
@@ -281,7 +325,14 @@ def _look_up(x: np.ndarray, y: np.ndarray, regulator: law.Regulator) -> list[_Lo
         largest = np.max(np.abs([a, b, c, d]), axis=0)
         error = 9.0 * UNIT * largest + x_error * np.abs(by_x) + y_error * np.abs(by_y)
         value = law.bilinear((a, b, c, d), along_x, along_y)
-        found.append(_LookedUp(value, error, np.where(x == x_c, by_x * x_slope, 0.0), np.where(y == y_c, by_y * y_slope, 0.0)))
+        found.append(
+            _LookedUp(
+                value,
+                error,
+                np.where(x == x_c, by_x * x_slope, 0.0),
+                np.where(y == y_c, by_y * y_slope, 0.0),
+            )
+        )
     return found
 
 
@@ -289,4 +340,6 @@ def _design_pressures(x: np.ndarray, regulator: law.Regulator) -> tuple[np.ndarr
     """(p_a, p_b) at which the design's pressure drops stand over the edges that x opens."""
     k, extends = regulator.compensation, x > 0.0
     p_a = np.where(extends, k.supply_pressure - k.extend_drop_a, k.tank_pressure + k.retract_drop_a)
-    return p_a, np.where(extends, k.tank_pressure + k.extend_drop_b, k.supply_pressure - k.retract_drop_b)
+    return p_a, np.where(
+        extends, k.tank_pressure + k.extend_drop_b, k.supply_pressure - k.retract_drop_b
+    )

@@ -10,7 +10,9 @@ import numpy as np
 from ..errors import InputError
 
 REALS = ("double", "float")
-_HARMLESS = frozenset("ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789 .,;:+-/=%()[]_@#'^<>!&|")
+_HARMLESS = frozenset(
+    "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789 .,;:+-/=%()[]_@#'^<>!&|"
+)
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")
 _RESERVED = re.compile(
     "abs|action|and|any|array|at|begin|bool|by|byte|case|configuration|const|constant|continue|date|dint|do|dt|dword|else|elsif|end|exit|"
@@ -20,16 +22,19 @@ _RESERVED = re.compile(
     "using|usint|var|while|with|word|wstring|xor",
     re.IGNORECASE,
 )
-"""Words of structured text, which knows no case. Names in C carry the given name as a prefix and cannot collide."""
+"""Words of structured text, which knows no case. Names in C carry the given name as a prefix and
+cannot collide."""
 
 
 def harmless(text: str) -> str:
-    """`text` in letters, digits and signs that can end no comment, string or line in any target; the rest as <U+002A>."""
+    """`text` in letters, digits and signs that can end no comment, string or line in any target;
+    the rest as <U+002A>."""
     return "".join(sign if sign in _HARMLESS else f"<U+{ord(sign):04X}>" for sign in text)
 
 
 def identifier(name: str) -> str:
-    """`name` itself, fit to name things in C and in structured text. Raises InputError where it is not."""
+    """`name` itself, fit to name things in C and in structured text. Raises InputError where it is
+    not."""
     if not _IDENTIFIER.fullmatch(name) or _RESERVED.fullmatch(name) or len(name) > 40:
         raise InputError(
             f"{name!r} cannot name a function block or a C function: begin with a letter, go on with letters, digits and single "
@@ -52,7 +57,12 @@ def render(template: str, *, filters: dict, **values) -> bytes:
     import jinja2
 
     loader = jinja2.FileSystemLoader(Path(__file__).parent / "templates")
-    options = {"trim_blocks": True, "lstrip_blocks": True, "keep_trailing_newline": True, "autoescape": False}
+    options = {
+        "trim_blocks": True,
+        "lstrip_blocks": True,
+        "keep_trailing_newline": True,
+        "autoescape": False,
+    }
     environment = jinja2.Environment(loader=loader, undefined=jinja2.StrictUndefined, **options)
     environment.filters.update(filters)
     return environment.get_template(template).render(values).encode("ascii")

@@ -1,4 +1,5 @@
-"""Figures from results. A plot function takes a result and axes (or makes a figure), draws, and returns the axes.
+"""Figures from results. A plot function takes a result and axes (or makes a figure), draws, and
+returns the axes.
 
     ax = plotting.margin_map(schedule.margins, "Ms")
     plotting.save_figure(ax.figure, "figures", "Ms")

@@ -31,19 +31,27 @@ def distributions(
 ) -> np.ndarray:
     """The share of all cases at or below a value of each metric, one curve for each campaign.
 
-    `campaigns`: by label, the metrics of every case (count,) in SI under the names of `Metrics`. A case without a finite value
-    (failed, never settled, no step) counts among all, so that its curve ends below 1. `ax`: one axes for each name; returns them.
+    `campaigns`: by label, the metrics of every case (count,) in SI under the names of `Metrics`. A
+    case without a finite value (failed, never settled, no step) counts among all, so that its curve
+    ends below 1. `ax`: one axes for each name; returns them.
     """
     if faults := [unknown_name("metric", name, _METRICS) for name in names if name not in _METRICS]:
         raise InputError(faults)
-    axes = several_axes(ax, len(names), (8.0, 0.6 + 2.7 * -(-len(names) // 2)), columns=min(2, len(names)))
+    axes = several_axes(
+        ax, len(names), (8.0, 0.6 + 2.7 * -(-len(names) // 2)), columns=min(2, len(names))
+    )
     for each, name in zip(axes, names, strict=True):
         label, factor = _METRICS[name]
         for campaign, metrics in campaigns.items():
             values = np.asarray(metrics[name], dtype=float)
             finite = np.sort(values[np.isfinite(values)])
             share = np.arange(1, finite.size + 1) / values.size
-            each.plot(factor * finite, share, drawstyle="steps-post", label=f"{campaign}: {finite.size} of {values.size} cases")
+            each.plot(
+                factor * finite,
+                share,
+                drawstyle="steps-post",
+                label=f"{campaign}: {finite.size} of {values.size} cases",
+            )
         each.set(xlabel=label, ylabel="share of all cases (1)", ylim=(0.0, 1.02))
         each.legend(loc="lower right", fontsize=7)
     axes[0].set_title("Distribution over the campaign")

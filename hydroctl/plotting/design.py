@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable
 
 from matplotlib.figure import Figure
 
-from ..linearization import LinearFamily
-from ..schedule import GainSchedule
+from ..model.linearization import LinearFamily
+from ..schedule.schedule import GainSchedule
 from ..simulation import Scenario, Trajectory
 from .family import bode, pole_zero_map
 from .loop import root_locus
@@ -16,10 +16,12 @@ from .motion import overlay
 
 
 def design_figures(
-    family: LinearFamily, schedule: GainSchedule, motions: Iterable[tuple[Scenario, Trajectory]] = ()
+    family: LinearFamily,
+    schedule: GainSchedule,
+    motions: Iterable[tuple[Scenario, Trajectory]] = (),
 ) -> dict[str, Callable[[], Figure]]:
-    """By file name, functions that draw the figures of a design; `motions` are those of the validation, one figure for each kind
-    of scenario.
+    """By file name, functions that draw the figures of a design; `motions` are those of the
+    validation, one figure for each kind of scenario.
 
     The root locus is that of the operating point with the largest Ms.
     """

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
-from ..characteristics import resonance
 from ..errors import InputError
-from ..linearization import LinearFamily
-from ..reduction import SecondOrderFamily
+from ..model.characteristics import resonance
+from ..model.linearization import LinearFamily
+from ..quasi_linear.reduction import SecondOrderFamily
 from .maps import cells
 from .style import (
     BLACK,
@@ -39,16 +39,21 @@ _BODE_POINTS = 240
 
 @styled
 def bode(family: LinearFamily | SecondOrderFamily, ax=None, *, omega=None) -> np.ndarray:
-    """Bode plot of v/x of every member, coloured by y. The member with the least damping ratio is drawn on top and named.
+    """Bode plot of v/x of every member, coloured by y. The member with the least damping ratio is
+    drawn on top and named.
 
-    `ax`: two axes, magnitude and phase. `omega` (n,) in rad/s; by default from 1/100 of the lowest to 10 times the highest natural
-    frequency. Returns the two axes.
+    `ax`: two axes, magnitude and phase. `omega` (n,) in rad/s; by default from 1/100 of the lowest
+    to 10 times the highest natural frequency. Returns the two axes.
     """
     shown = require_some(family.points)
     natural, damping = _resonance(family)
-    natural, damping, x, y = (values[shown] for values in (natural, damping, family.points.x, family.points.y))
+    natural, damping, x, y = (
+        values[shown] for values in (natural, damping, family.points.x, family.points.y)
+    )
     if omega is None:
-        omega = np.geomspace(_BODE_SPAN[0] * natural.min(), _BODE_SPAN[1] * natural.max(), _BODE_POINTS)
+        omega = np.geomspace(
+            _BODE_SPAN[0] * natural.min(), _BODE_SPAN[1] * natural.max(), _BODE_POINTS
+        )
     with np.errstate(invalid="ignore"):
         response = family.frequency_response(omega)[shown]
     curves = 20.0 * np.log10(np.abs(response)), np.degrees(np.unwrap(np.angle(response), axis=-1))
@@ -64,7 +69,9 @@ def bode(family: LinearFamily | SecondOrderFamily, ax=None, *, omega=None) -> np
         label = f"least damped: {place(x[worst], y[worst])}\nζ = {damping[worst]:.3f}, {natural[worst] / (2 * np.pi):.1f} Hz"
         each.plot(hertz, curve[worst], color=VERMILLION, linestyle="--", label=label)
         each.set_xlim(hertz[0], hertz[-1])
-    axes[0].set(title=f"From valve opening to speed, {_order(family)}", ylabel="|v/x| (dB re 1 m/s)")
+    axes[0].set(
+        title=f"From valve opening to speed, {_order(family)}", ylabel="|v/x| (dB re 1 m/s)"
+    )
     axes[0].legend(loc="lower left")
     axes[1].set(xlabel=FREQUENCY, ylabel="phase of v/x (degrees)")
     footnote(axes[1], note)
@@ -76,7 +83,8 @@ def bode(family: LinearFamily | SecondOrderFamily, ax=None, *, omega=None) -> np
 def pole_zero_map(family: LinearFamily, ax=None) -> np.ndarray:
     """Poles (crosses) and zeros (circles) of v/x over the grid, coloured by y.
 
-    `ax`: two axes. The first shows the s-plane; the second the real pole and the zero that nearly cancel, over x. Returns both.
+    `ax`: two axes. The first shows the s-plane; the second the real pole and the zero that nearly
+    cancel, over x. Returns both.
     """
     shown = require_some(family.points)
     poles, zeros = family.poles()[shown], family.zeros()[shown][:, 0]
@@ -84,14 +92,32 @@ def pole_zero_map(family: LinearFamily, ax=None) -> np.ndarray:
     note = left_out(family.points)
     axes = several_axes(ax, 2, (8.4, 4.4), columns=2, below=note_height(note))
     colours = shades()(norm_of(y)(y))
-    cross = {"marker": "x", "s": 22, "linewidths": 0.8, "norm": norm_of(y), "cmap": shades(), "rasterized": y.size > MANY}
-    ring = {"marker": "o", "s": 36, "linewidths": 0.8, "facecolors": "none", "edgecolors": colours, "rasterized": y.size > MANY}
+    cross = {
+        "marker": "x",
+        "s": 22,
+        "linewidths": 0.8,
+        "norm": norm_of(y),
+        "cmap": shades(),
+        "rasterized": y.size > MANY,
+    }
+    ring = {
+        "marker": "o",
+        "s": 36,
+        "linewidths": 0.8,
+        "facecolors": "none",
+        "edgecolors": colours,
+        "rasterized": y.size > MANY,
+    }
     axes[0].scatter(poles.real, poles.imag, c=np.repeat(y, 3), label="poles", **cross)
     axes[0].scatter(zeros, np.zeros_like(zeros), label="zero", **ring)
     marks = axes[1].scatter(poles[:, 0].real, x, c=y, label="real pole", **cross)
     axes[1].scatter(zeros, x, label="zero", **ring)
     axes[0].axvline(0.0, color=BLACK, linewidth=0.8)
-    axes[0].set(title=f"Poles and zeros of v/x, {_order(family)}", xlabel="real part (rad/s)", ylabel="imaginary part (rad/s)")
+    axes[0].set(
+        title=f"Poles and zeros of v/x, {_order(family)}",
+        xlabel="real part (rad/s)",
+        ylabel="imaginary part (rad/s)",
+    )
     axes[1].set(title="The pair that nearly cancels", xlabel="real part (rad/s)", ylabel=OPENING)
     for each in axes:
         each.legend(loc="best")
@@ -102,7 +128,8 @@ def pole_zero_map(family: LinearFamily, ax=None) -> np.ndarray:
 
 @styled
 def resonance_over_stroke(family: LinearFamily | SecondOrderFamily, ax=None) -> np.ndarray:
-    """Natural frequency and damping ratio over y, one curve for each opening, coloured by x. `ax`: two axes; returns them."""
+    """Natural frequency and damping ratio over y, one curve for each opening, coloured by x. `ax`:
+    two axes; returns them."""
     shown = require_some(family.points)
     x, y = family.points.x[shown], family.points.y[shown]
     note = left_out(family.points)
@@ -114,7 +141,9 @@ def resonance_over_stroke(family: LinearFamily | SecondOrderFamily, ax=None) -> 
             row = row[np.argsort(y[row])]
             lines = coloured_lines(each, y[row], values[None, row], [opening], norm_of(x))
             lines.set_linestyle(of_side(opening))
-    axes[0].set(title=f"Resonance over the stroke, {_order(family)}", ylabel="natural frequency (Hz)")
+    axes[0].set(
+        title=f"Resonance over the stroke, {_order(family)}", ylabel="natural frequency (Hz)"
+    )
     axes[1].set(xlabel=POSITION, ylabel="damping ratio (1)")
     footnote(axes[1], note)
     name_sides(axes[0], x)
@@ -124,8 +153,9 @@ def resonance_over_stroke(family: LinearFamily | SecondOrderFamily, ax=None) -> 
 
 @styled
 def reduction_error_map(reduced: SecondOrderFamily, ax=None):
-    """Largest relative error of the second-order models over the grid, in per cent; the worst point is named, points that are not
-    accepted are crossed out. `reduced` over a grid x[:, None] by y. Returns the axes.
+    """Largest relative error of the second-order models over the grid, in per cent; the worst point
+    is named, points that are not accepted are crossed out. `reduced` over a grid x[:, None] by y.
+    Returns the axes.
     """
     require_some(reduced.points)
     x, y = _grid(reduced)
@@ -145,14 +175,17 @@ def reduction_error_map(reduced: SecondOrderFamily, ax=None):
 
 
 def _resonance(family) -> tuple[np.ndarray, np.ndarray]:
-    """(natural frequency in rad/s, damping ratio) of the pair of poles that does not nearly cancel, over the grid."""
+    """(natural frequency in rad/s, damping ratio) of the pair of poles that does not nearly cancel,
+    over the grid."""
     if isinstance(family, SecondOrderFamily):
         return family.natural_frequency, family.damping
     return resonance(family)
 
 
 def _order(family) -> str:
-    return "second-order models" if isinstance(family, SecondOrderFamily) else f"{family.form} models"
+    return (
+        "second-order models" if isinstance(family, SecondOrderFamily) else f"{family.form} models"
+    )
 
 
 def _grid(family) -> tuple[np.ndarray, np.ndarray]:
@@ -162,4 +195,6 @@ def _grid(family) -> tuple[np.ndarray, np.ndarray]:
         x, y = points.x[:, 0], points.y[0]
         if (points.x == x[:, None]).all() and (points.y == y).all():
             return x, y
-    raise InputError(f"a map needs operating points over a grid, not of shape {points.shape}; find them at x[:, None] and y.")
+    raise InputError(
+        f"a map needs operating points over a grid, not of shape {points.shape}; find them at x[:, None] and y."
+    )

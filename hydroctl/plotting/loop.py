@@ -1,4 +1,5 @@
-"""Figures of one sampled loop of a schedule, at a chosen operating point: root locus, Nyquist, Nichols."""
+"""Figures of one sampled loop of a schedule, at a chosen operating point: root locus, Nyquist,
+Nichols."""
 
 from __future__ import annotations
 
@@ -10,11 +11,24 @@ from matplotlib.colors import Normalize
 from matplotlib.patches import Circle
 
 from ..errors import InputError, unknown_name
-from ..frequency import frequency_grid
-from ..margins import Loop, analyse
-from ..regulators import series
-from ..schedule import GainSchedule, sampled_plants
-from .style import BLACK, BLUE, GREY, ORANGE, VERMILLION, coloured_lines, footnote, key, one_axes, place, styled
+from ..loop.design_plants import sampled_plants
+from ..loop.margins import Loop, analyse
+from ..loop.sampled_plant import frequency_grid
+from ..regulator.structures import series
+from ..schedule.schedule import GainSchedule
+from .style import (
+    BLACK,
+    BLUE,
+    GREY,
+    ORANGE,
+    VERMILLION,
+    coloured_lines,
+    footnote,
+    key,
+    one_axes,
+    place,
+    styled,
+)
 
 _FACTORS = np.geomspace(1e-1, 1e2, 121)
 _LONGEST_STEP = 0.02
@@ -29,17 +43,26 @@ _GAIN_WINDOW = 30.0
 
 
 def design_loops(schedule: GainSchedule, x: float, y: float) -> tuple[tuple[str, ...], Loop]:
-    """(labels, loops): the loop at x and y (m) on every plant of the specification, shape (variants,); the first is nominal."""
-    labels, plants = sampled_plants(schedule.actuator, [x], [y], schedule.loop, schedule.specification)
-    return labels, Loop(plants, schedule.gains(x, y).broadcast_to(plants.shape)).take(np.arange(len(labels)))
+    """(labels, loops): the loop at x and y (m) on every plant of the specification, shape
+    (variants,); the first is nominal."""
+    labels, plants = sampled_plants(
+        schedule.actuator, [x], [y], schedule.loop, schedule.specification
+    )
+    return labels, Loop(plants, schedule.gains(x, y).broadcast_to(plants.shape)).take(
+        np.arange(len(labels))
+    )
 
 
 @styled
-def root_locus(schedule: GainSchedule, x: float, y: float, ax: Axes | None = None, *, variant: str = "nominal") -> Axes:
-    """Poles of the sampled closed loop at x and y (m) as the loop gain is multiplied by 0.1 ... 100, in the z-plane.
+def root_locus(
+    schedule: GainSchedule, x: float, y: float, ax: Axes | None = None, *, variant: str = "nominal"
+) -> Axes:
+    """Poles of the sampled closed loop at x and y (m) as the loop gain is multiplied by 0.1 ...
+    100, in the z-plane.
 
-    Crosses and circles are the poles and zeros of the open loop, squares the poles with the schedule's own gains. Grey: the unit
-    circle and curves of constant damping ratio. `variant` names the plant. Returns the axes.
+    Crosses and circles are the poles and zeros of the open loop, squares the poles with the
+    schedule's own gains. Grey: the unit circle and curves of constant damping ratio. `variant`
+    names the plant. Returns the axes.
     """
     labels, loops = design_loops(schedule, x, y)
     if variant not in labels:
@@ -52,11 +75,22 @@ def root_locus(schedule: GainSchedule, x: float, y: float, ax: Axes | None = Non
     steps = np.stack([branches[:-1], branches[1:]], axis=-1)
     exponent = np.broadcast_to(np.log10(factors[1:, None]), steps.shape[:2])
     seen = np.abs(steps).max(axis=-1) < 2.0 * _WINDOW
-    lines = coloured_lines(ax, steps[seen].real, steps[seen].imag, exponent[seen], Normalize(-1.0, 2.0))
+    lines = coloured_lines(
+        ax, steps[seen].real, steps[seen].imag, exponent[seen], Normalize(-1.0, 2.0)
+    )
     lines.set(linewidth=1.6, capstyle="round", rasterized=False)
     ax.plot(start.real, start.imag, "x", color=BLACK, label="open-loop poles")
-    ax.plot(zeros.real, zeros.imag, "o", color=BLACK, markerfacecolor="none", label="open-loop zeros")
-    ax.plot(present.real, present.imag, "s", color=VERMILLION, label="poles with the present gain", markersize=5)
+    ax.plot(
+        zeros.real, zeros.imag, "o", color=BLACK, markerfacecolor="none", label="open-loop zeros"
+    )
+    ax.plot(
+        present.real,
+        present.imag,
+        "s",
+        color=VERMILLION,
+        label="poles with the present gain",
+        markersize=5,
+    )
     margin = analyse(loop).gain_margin[0]
     ax.set(
         title=f"Root locus of the {schedule.loop} loop, {schedule.structure}\n{place(x, y)}, gain margin {margin:.3g}",
@@ -81,11 +115,14 @@ def _scaled(loop: Loop, factors: np.ndarray) -> Loop:
 
 
 def _locus(loop: Loop) -> tuple[np.ndarray, np.ndarray]:
-    """(factors (n,), poles (n, N)) with each column following one pole, dense where poles move fast inside the window."""
+    """(factors (n,), poles (n, N)) with each column following one pole, dense where poles move fast
+    inside the window."""
     factors = _FACTORS
     branches = _branches(_scaled(loop, factors).poles())
     for _ in range(_BISECTIONS):
-        moved = np.where(np.abs(branches[1:]) < 2.0 * _WINDOW, np.abs(np.diff(branches, axis=0)), 0.0).max(axis=1)
+        moved = np.where(
+            np.abs(branches[1:]) < 2.0 * _WINDOW, np.abs(np.diff(branches, axis=0)), 0.0
+        ).max(axis=1)
         wide = np.flatnonzero(moved > _LONGEST_STEP)
         if wide.size == 0:
             break
@@ -106,30 +143,42 @@ def _branches(poles: np.ndarray) -> np.ndarray:
 
 
 def _open_loop(loop: Loop) -> tuple[np.ndarray, np.ndarray]:
-    """(poles, finite zeros) of the open loop of shape (1,); a zero is where its system pencil loses rank."""
+    """(poles, finite zeros) of the open loop of shape (1,); a zero is where its system pencil loses
+    rank."""
     from scipy.linalg import block_diag, eigvals
 
-    A, B, C, _ = (part[0] for part in series(loop.regulators.state_space(), (*loop.plant.state_space(), np.zeros((1, 1, 1)))))
+    A, B, C, _ = (
+        part[0]
+        for part in series(
+            loop.regulators.state_space(), (*loop.plant.state_space(), np.zeros((1, 1, 1)))
+        )
+    )
     pencil = np.block([[A, B], [C, np.zeros((1, 1))]])
     zeros = eigvals(pencil, block_diag(np.eye(len(A)), 0.0))
     return np.linalg.eigvals(A), zeros[np.isfinite(zeros) & (np.abs(zeros) < _INFINITE)]
 
 
 def _damping_grid(ax: Axes) -> None:
-    """The unit circle and, inside, z = exp(omega Ts (-zeta +- j sqrt(1 - zeta^2))) for some zeta."""
+    """The unit circle and, inside, z = exp(omega Ts (-zeta +- j sqrt(1 - zeta^2))) for some
+    zeta."""
     ax.add_patch(Circle((0.0, 0.0), 1.0, fill=False, edgecolor=GREY, linewidth=1.2))
     for zeta in _DAMPINGS:
         angle = np.linspace(0.0, np.pi, 100)
         z = np.exp(angle * (1j - zeta / np.sqrt(1.0 - zeta**2)))
         ax.plot(z.real, z.imag, color="#BBBBBB", linestyle="-", linewidth=0.7)
         ax.plot(z.real, -z.imag, color="#BBBBBB", linestyle="-", linewidth=0.7)
-        ax.annotate(f"{zeta:g}", (z[45].real, z[45].imag), color=GREY, fontsize=7, ha="center", va="center")
-    ax.annotate("damping ratio", (0.02, 0.97), xycoords="axes fraction", color=GREY, fontsize=7, va="top")
+        ax.annotate(
+            f"{zeta:g}", (z[45].real, z[45].imag), color=GREY, fontsize=7, ha="center", va="center"
+        )
+    ax.annotate(
+        "damping ratio", (0.02, 0.97), xycoords="axes fraction", color=GREY, fontsize=7, va="top"
+    )
 
 
 @styled
 def nyquist(schedule: GainSchedule, x: float, y: float, ax: Axes | None = None) -> Axes:
-    """Nyquist plot of the loop at x and y (m) on every plant of the specification, with the circles that Ms and Mt forbid.
+    """Nyquist plot of the loop at x and y (m) on every plant of the specification, with the circles
+    that Ms and Mt forbid.
 
     Outside the Ms circle |S| < Ms, outside the Mt circle |T| < Mt. Returns the axes.
     """
@@ -153,8 +202,8 @@ def nyquist(schedule: GainSchedule, x: float, y: float, ax: Axes | None = None) 
 
 @styled
 def nichols(schedule: GainSchedule, x: float, y: float, ax: Axes | None = None) -> Axes:
-    """Nichols chart of the loop at x and y (m) on every plant of the specification: gain over phase, with the regions that Ms and
-    Mt forbid around -180 degrees. Returns the axes.
+    """Nichols chart of the loop at x and y (m) on every plant of the specification: gain over
+    phase, with the regions that Ms and Mt forbid around -180 degrees. Returns the axes.
     """
     ax = one_axes(ax)
     turn = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 361))
@@ -179,18 +228,39 @@ def nichols(schedule: GainSchedule, x: float, y: float, ax: Axes | None = None) 
 
 
 def _forbidden(schedule: GainSchedule):
-    """(centre, radius, how to draw it) of the circles about the real axis of the L-plane in which |S| > Ms and |T| > Mt."""
+    """(centre, radius, how to draw it) of the circles about the real axis of the L-plane in which
+    |S| > Ms and |T| > Mt."""
     Ms, Mt = schedule.specification.Ms, schedule.specification.Mt
     excess = Mt**2 - 1.0
-    yield -1.0, 1.0 / Ms, {"color": ORANGE, "alpha": 0.35, "linestyle": "-", "label": f"Ms > {Ms:g}"}
-    look = {"fill": False, "edgecolor": ORANGE, "hatch": "//", "alpha": 0.6, "linestyle": "-", "label": f"Mt > {Mt:g}"}
+    yield (
+        -1.0,
+        1.0 / Ms,
+        {"color": ORANGE, "alpha": 0.35, "linestyle": "-", "label": f"Ms > {Ms:g}"},
+    )
+    look = {
+        "fill": False,
+        "edgecolor": ORANGE,
+        "hatch": "//",
+        "alpha": 0.6,
+        "linestyle": "-",
+        "label": f"Mt > {Mt:g}",
+    }
     yield -(Mt**2) / excess, Mt / excess, look
 
 
 def _responses(schedule: GainSchedule, x: float, y: float):
-    """(L over the design's frequencies, how to draw it) for every plant: the variants thin, then the nominal one on top."""
+    """(L over the design's frequencies, how to draw it) for every plant: the variants thin, then
+    the nominal one on top."""
     labels, loops = design_loops(schedule, x, y)
     nominal, *others = loops.frequency_response(frequency_grid(loops.plant))
     for i, curve in enumerate(others):
-        yield curve, {"color": GREY, "linestyle": "-", "linewidth": 0.7, "label": "_" if i else "its variants"}
+        yield (
+            curve,
+            {
+                "color": GREY,
+                "linestyle": "-",
+                "linewidth": 0.7,
+                "label": "_" if i else "its variants",
+            },
+        )
     yield nominal, {"color": BLUE, "linestyle": "-", "label": f"{labels[0]} plant"}

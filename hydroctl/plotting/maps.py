@@ -7,9 +7,10 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 
 from ..errors import InputError, unknown_name
-from ..regulators import STRUCTURES
-from ..schedule import GainSchedule, ScheduleMargins
-from ..schedule_document import GAIN_UNITS
+from ..regulator.structures import STRUCTURES
+from ..schedule.document import GAIN_UNITS
+from ..schedule.margins import ScheduleMargins
+from ..schedule.schedule import GainSchedule
 from .style import (
     OPENING,
     POSITION,
@@ -41,12 +42,17 @@ _LOG_SPAN = 1e-3
 
 @styled
 def gain_surfaces(schedule: GainSchedule, ax=None) -> np.ndarray:
-    """The gains over y at every node of x, coloured by x; dots are nodes. The lookup is linear along the curves and between them.
+    """The gains over y at every node of x, coloured by x; dots are nodes. The lookup is linear
+    along the curves and between them.
 
-    `ax`: one axes for each gain that the structure uses, and one more for the notch frequency where there is a notch. Returns them.
+    `ax`: one axes for each gain that the structure uses, and one more for the notch frequency where
+    there is a notch. Returns them.
     """
     units = GAIN_UNITS[schedule.loop]
-    tables = {f"{name} ({units[name]})": getattr(schedule, name) for name in STRUCTURES[schedule.structure]}
+    tables = {
+        f"{name} ({units[name]})": getattr(schedule, name)
+        for name in STRUCTURES[schedule.structure]
+    }
     if schedule.zz != schedule.zp:
         tables["notch frequency (Hz)"] = schedule.notch_frequency / (2.0 * np.pi)
     axes = several_axes(ax, len(tables), (6.4, 1.2 + 1.8 * len(tables)), sharex=True)
@@ -55,7 +61,12 @@ def gain_surfaces(schedule: GainSchedule, ax=None) -> np.ndarray:
         lines = coloured_lines(each, schedule.y, table, schedule.x, norm)
         lines.set(linewidth=1.4, linestyle=[of_side(x) for x in schedule.x])
         each.scatter(
-            np.tile(schedule.y, len(schedule.x)), table, c=np.repeat(schedule.x, len(schedule.y)), cmap=shades(), norm=norm, s=12
+            np.tile(schedule.y, len(schedule.x)),
+            table,
+            c=np.repeat(schedule.x, len(schedule.y)),
+            cmap=shades(),
+            norm=norm,
+            s=12,
         )
         each.set_ylabel(label)
         each.set_ylim(1.08 * min(0.0, float(np.min(table))), 1.08 * max(0.0, float(np.max(table))))
@@ -68,9 +79,11 @@ def gain_surfaces(schedule: GainSchedule, ax=None) -> np.ndarray:
 
 @styled
 def margin_map(margins: ScheduleMargins, name: str, ax=None, *, limit: float | None = None) -> Axes:
-    """The margin `name` of `Margins` over x and y, the worst of all variants at each point; the worst point of all is named.
+    """The margin `name` of `Margins` over x and y, the worst of all variants at each point; the
+    worst point of all is named.
 
-    Unstable points are crossed out. `limit` in the margin's own unit appears in the title. Returns the axes.
+    Unstable points are crossed out. `limit` in the margin's own unit appears in the title. Returns
+    the axes.
     """
     if name not in _MARGINS:
         raise InputError(unknown_name("margin", name, _MARGINS))
@@ -82,7 +95,14 @@ def margin_map(margins: ScheduleMargins, name: str, ax=None, *, limit: float | N
     values = np.asarray(getattr(margins.margins, name))
     worst_of_variants = values.max(axis=0) if name in ("Ms", "Mt") else values.min(axis=0)
     ax = one_axes(ax, (6.8, 4.8), below=0.5)
-    cells(ax, margins.x, margins.y, shown(worst_of_variants), label, crossed=~margins.margins.stable.all(axis=0))
+    cells(
+        ax,
+        margins.x,
+        margins.y,
+        shown(worst_of_variants),
+        label,
+        crossed=~margins.margins.stable.all(axis=0),
+    )
     worst = margins.worst(name)
     i, j = np.flatnonzero(margins.x == worst.x)[0], np.flatnonzero(margins.y == worst.y)[0]
     text = f"worst {shown(worst.value):.4g} at {place(worst.x, worst.y)}\n{worst.variant}"
@@ -95,9 +115,11 @@ def margin_map(margins: ScheduleMargins, name: str, ax=None, *, limit: float | N
 
 
 def cells(ax: Axes, x, y, values, label: str, *, logarithmic: bool = False, crossed=None) -> None:
-    """Coloured cells of equal size, one for each point (nx, ny) of the grid x by y; cells without a value stay grey.
+    """Coloured cells of equal size, one for each point (nx, ny) of the grid x by y; cells without a
+    value stay grey.
 
-    The axes count the points (cell [i, j] is centred on (j, i)), so that openings close to zero stay visible.
+    The axes count the points (cell [i, j] is centred on (j, i)), so that openings close to zero
+    stay visible.
     """
     values = np.asarray(values, dtype=float)
     finite = values[np.isfinite(values)]
@@ -107,7 +129,14 @@ def cells(ax: Axes, x, y, values, label: str, *, logarithmic: bool = False, cros
     ax.set_facecolor("#BBBBBB")
     ax.grid(False)
     edges = (np.arange(count + 1) - 0.5 for count in (len(y), len(x)))
-    mesh = ax.pcolormesh(*edges, np.ma.masked_invalid(values), norm=norm, cmap="cividis", edgecolors="white", linewidth=0.3)
+    mesh = ax.pcolormesh(
+        *edges,
+        np.ma.masked_invalid(values),
+        norm=norm,
+        cmap="cividis",
+        edgecolors="white",
+        linewidth=0.3,
+    )
     if crossed is not None and np.any(crossed):
         row, column = np.nonzero(crossed)
         ax.plot(column, row, "x", color=VERMILLION, markersize=5, markeredgewidth=1.2)

@@ -1,4 +1,5 @@
-"""Figures of motions in time: what the plant did in a scenario, and several regulators in the same one."""
+"""Figures of motions in time: what the plant did in a scenario, and several regulators in the same
+one."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ _PASCAL_PER_BAR = 1e5
 
 @styled
 def traces(trajectory: Trajectory, scenario: Scenario | None = None, ax=None) -> np.ndarray:
-    """Position, speed, valve opening and chamber pressures of one motion over time; with the scenario its reference and name.
+    """Position, speed, valve opening and chamber pressures of one motion over time; with the
+    scenario its reference and name.
 
     The spool is drawn where it does not follow its command at once. `ax`: four axes; returns them.
     """
@@ -44,7 +46,8 @@ def traces(trajectory: Trajectory, scenario: Scenario | None = None, ax=None) ->
 
 @styled
 def overlay(motions: Sequence[tuple[Scenario, Trajectory]], ax=None) -> np.ndarray:
-    """Several motions, each in its own scenario, over each other: position, speed, valve opening, pressure in chamber a and in b.
+    """Several motions, each in its own scenario, over each other: position, speed, valve opening,
+    pressure in chamber a and in b.
 
     References are dotted. `ax`: five axes; returns them.
     """
@@ -63,8 +66,9 @@ def overlay(motions: Sequence[tuple[Scenario, Trajectory]], ax=None) -> np.ndarr
 
 @styled
 def comparison(trajectories: Mapping[str, Trajectory], scenario: Scenario, ax=None) -> np.ndarray:
-    """The controlled quantity with its reference, the control error and the valve opening of several motions in one scenario, by
-    name: a schedule beside a fixed regulator, for example. `ax`: three axes; returns them.
+    """The controlled quantity with its reference, the control error and the valve opening of
+    several motions in one scenario, by name: a schedule beside a fixed regulator, for example.
+    `ax`: three axes; returns them.
     """
     axes = several_axes(ax, 3, (6.4, 5.8), sharex=True)
     name, label = _CONTROLLED[scenario.loop]

@@ -1,7 +1,9 @@
-"""One look for all figures, and the parts that several share. Nothing here changes matplotlib's settings outside a drawing call.
+"""One look for all figures, and the parts that several share. Nothing here changes matplotlib's
+settings outside a drawing call.
 
-Colours: the palette of Okabe and Ito for separate things (they differ in line style too), viridis without its
-lightest end for lines and marks, cividis for areas. All stay apart in grey print and for colour-blind readers.
+Colours: the palette of Okabe and Ito for separate things (they differ in line style too), viridis
+without its lightest end for lines and marks, cividis for areas. All stay apart in grey print and
+for colour-blind readers.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from ..errors import InputError
-from ..operating_point import OperatingPoints
+from ..model.operating_point import OperatingPoints
 
 BLACK, ORANGE, SKY, GREEN, BLUE, VERMILLION, PURPLE, GREY = (
     "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7", "#7F7F7F",
@@ -84,10 +86,14 @@ def one_axes(ax: Axes | None, size=(6.4, 4.4), *, below: float = 0.0) -> Axes:
     return several_axes(ax, 1, size, below=below)[0]
 
 
-def several_axes(ax, count: int, size, *, columns: int = 1, below: float = 0.0, sharex: bool = False) -> np.ndarray:
-    """(count,) axes: those given, or those of a new figure of `size` inches. InputError for another number of axes.
+def several_axes(
+    ax, count: int, size, *, columns: int = 1, below: float = 0.0, sharex: bool = False
+) -> np.ndarray:
+    """(count,) axes: those given, or those of a new figure of `size` inches. InputError for another
+    number of axes.
 
-    The margins of a new figure are set here, in inches: finding them from the texts takes longer than drawing the figure.
+    The margins of a new figure are set here, in inches: finding them from the texts takes longer
+    than drawing the figure.
     """
     if ax is None:
         width, height = size
@@ -96,23 +102,32 @@ def several_axes(ax, count: int, size, *, columns: int = 1, below: float = 0.0, 
         margins = {"left": left / width, "right": 1.0 - right / width, "top": 1.0 - top / height}
         gaps = {"hspace": 0.12 if sharex else 0.35, "wspace": 0.28}
         grid = {**margins, **gaps, "bottom": (bottom + below) / height}
-        made = Figure(figsize=size).subplots(rows, columns, squeeze=False, sharex=sharex, gridspec_kw=grid).reshape(-1)
+        made = (
+            Figure(figsize=size)
+            .subplots(rows, columns, squeeze=False, sharex=sharex, gridspec_kw=grid)
+            .reshape(-1)
+        )
         for unused in made[count:]:
             unused.remove()
         return made[:count]
     given = np.atleast_1d(np.asarray(ax, dtype=object)).reshape(-1)
     if given.size != count:
-        raise InputError(f"this figure needs {count} axes, {given.size} were given; pass as many, or none for a new figure.")
+        raise InputError(
+            f"this figure needs {count} axes, {given.size} were given; pass as many, or none for a new figure."
+        )
     return given
 
 
 def shades() -> Colormap:
     """Viridis without its lightest part, which vanishes on white paper."""
-    return ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, 256)), name="viridis for lines")
+    return ListedColormap(
+        matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, 256)), name="viridis for lines"
+    )
 
 
 def coloured_lines(ax: Axes, x, curves, values, norm: Normalize) -> LineCollection:
-    """Curves (m, n) over x (n,) or (m, n), each in the shade of its value (m,), in one collection."""
+    """Curves (m, n) over x (n,) or (m, n), each in the shade of its value (m,), in one
+    collection."""
     x = np.broadcast_to(x, np.shape(curves))
     lines = LineCollection(np.stack([x, curves], axis=-1), cmap=shades(), norm=norm, linewidths=0.8)
     lines.set_array(np.asarray(values, dtype=float))
@@ -132,7 +147,14 @@ def name_sides(ax: Axes, x) -> None:
     if np.min(x) < 0.0 < np.max(x):
         ax.legend(
             handles=[
-                Line2D([], [], color=GREY, linestyle=of_side(sign), label=f"x {'<' if sign < 0 else '>'} 0") for sign in (-1, 1)
+                Line2D(
+                    [],
+                    [],
+                    color=GREY,
+                    linestyle=of_side(sign),
+                    label=f"x {'<' if sign < 0 else '>'} 0",
+                )
+                for sign in (-1, 1)
             ]
         )
 
@@ -147,7 +169,9 @@ def key(mappable, axes, label: str) -> Colorbar:
     """A colour bar beside all `axes` that says what the shades mean."""
     axes = np.atleast_1d(axes)
     width = axes[0].figure.get_figwidth()
-    bar = axes[0].figure.colorbar(mappable, ax=list(axes), label=label, fraction=_KEY_WIDTH / width, pad=0.02, aspect=30)
+    bar = axes[0].figure.colorbar(
+        mappable, ax=list(axes), label=label, fraction=_KEY_WIDTH / width, pad=0.02, aspect=30
+    )
     if isinstance(mappable.norm, LogNorm):
         bar.ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         bar.ax.yaxis.set_minor_formatter(NullFormatter())
@@ -178,7 +202,12 @@ def require_some(points: OperatingPoints) -> np.ndarray:
 def footnote(ax: Axes, text: str) -> None:
     """Small lines under the axis label of `ax`."""
     if text:
-        place_below = {"xycoords": "axes fraction", "xytext": (-40, -36), "textcoords": "offset points", "annotation_clip": False}
+        place_below = {
+            "xycoords": "axes fraction",
+            "xytext": (-40, -36),
+            "textcoords": "offset points",
+            "annotation_clip": False,
+        }
         ax.annotate(text, (0.0, 0.0), fontsize=7, va="top", **place_below)
 
 

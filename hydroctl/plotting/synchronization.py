@@ -14,8 +14,9 @@ _ERROR = "synchronisation\nerror (mm)"
 
 @styled
 def group_motion(result: SynchronizationResult, ax=None) -> np.ndarray:
-    """Positions with the common reference, distances from it, the synchronisation error, and valve openings with the rate of the
-    reference, over time. A stop is marked. `ax`: four axes; returns them.
+    """Positions with the common reference, distances from it, the synchronisation error, and valve
+    openings with the rate of the reference, over time. A stop is marked. `ax`: four axes; returns
+    them.
     """
     axes = several_axes(ax, 4, (6.4, 7.2), sharex=True)
     t = result.t
@@ -28,7 +29,9 @@ def group_motion(result: SynchronizationResult, ax=None) -> np.ndarray:
     axes[2].plot(t, 1e3 * result.error, color=BLACK)
     axes[3].plot(t, result.rate, color=GREY, linestyle=":", label="rate")
     for each, label in zip(
-        axes, (POSITION, "distance from the\nreference (mm)", _ERROR, "valve opening x,\nrate (of full)"), strict=True
+        axes,
+        (POSITION, "distance from the\nreference (mm)", _ERROR, "valve opening x,\nrate (of full)"),
+        strict=True,
     ):
         each.set_ylabel(label)
         if result.stop is not None:
@@ -41,8 +44,8 @@ def group_motion(result: SynchronizationResult, ax=None) -> np.ndarray:
 
 @styled
 def synchronization_errors(results: Mapping[str, SynchronizationResult], ax=None) -> np.ndarray:
-    """The synchronisation errors of several motions, by label, on a logarithmic axis, and their reference speeds. `ax`: two axes;
-    returns them.
+    """The synchronisation errors of several motions, by label, on a logarithmic axis, and their
+    reference speeds. `ax`: two axes; returns them.
     """
     axes = several_axes(ax, 2, (6.4, 4.8), sharex=True, below=0.5)
     for label, result in results.items():
@@ -50,6 +53,12 @@ def synchronization_errors(results: Mapping[str, SynchronizationResult], ax=None
         axes[0].semilogy(result.t, error, label=f"{label}: rms {1e3 * result.metrics.rms:.3g} mm")
         axes[1].plot(result.t, result.v_ref, label=label)
     axes[0].set(ylabel=_ERROR, title="Largest less least position")
-    axes[1].legend(*axes[0].get_legend_handles_labels(), loc="upper center", bbox_to_anchor=(0.5, -0.3), ncols=2, fontsize=7)
+    axes[1].legend(
+        *axes[0].get_legend_handles_labels(),
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.3),
+        ncols=2,
+        fontsize=7,
+    )
     axes[1].set(xlabel=TIME, ylabel="reference\nspeed (m/s)")
     return axes

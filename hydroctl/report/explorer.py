@@ -1,7 +1,9 @@
-"""The tables from which the page's explorer computes a loop at any opening of its grid and any position.
+"""The tables from which the page's explorer computes a loop at any opening of its grid and any
+position.
 
-Every linear model is A = diag(Ec/V_a(y), Ec/V_b(y), 1) M(x), and its B alike: the operating point does not depend on y, and the
-volumes only multiply the pressure equations. A table over x of M, with the volumes beside it, is therefore exact at every y.
+Every linear model is A = diag(Ec/V_a(y), Ec/V_b(y), 1) M(x), and its B alike: the operating point
+does not depend on y, and the volumes only multiply the pressure equations. A table over x of M,
+with the volumes beside it, is therefore exact at every y.
 """
 
 from __future__ import annotations
@@ -11,14 +13,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from .. import plant
-from ..actuator import Actuator
-from ..linearization import linearize
-from ..operating_point import find_operating_points
-from ..regulators import GAINS
-from ..schedule import GainSchedule
-from ..schedule_document import GAIN_UNITS
-from ..specification import variants
+from ..machine.actuator import Actuator
+from ..machine.variants import variants
+from ..model import plant
+from ..model.linearization import linearize
+from ..model.operating_point import find_operating_points
+from ..regulator.structures import GAINS
+from ..schedule.document import GAIN_UNITS
+from ..schedule.schedule import GainSchedule
 
 _LEAST_OPENING, _OPENINGS = 0.02, 99
 _PRESSURE_SCALE = 1e6
@@ -26,7 +28,8 @@ _PLANT_FIELDS = ("bulk_modulus", "area_a", "area_b", "volume_a", "volume_b")
 
 
 def explorer_data(schedules: Mapping[str, GainSchedule]) -> dict:
-    """What the explorer reads, of plain types, from schedules by name that share machine, loop and sampling; the first leads."""
+    """What the explorer reads, of plain types, from schedules by name that share machine, loop and
+    sampling; the first leads."""
     leading = next(iter(schedules.values()))
     actuator, specification = leading.actuator, leading.specification
     openings = opening_grid(actuator)
@@ -39,14 +42,20 @@ def explorer_data(schedules: Mapping[str, GainSchedule]) -> dict:
         "units": GAIN_UNITS[leading.loop],
         "limits": {"Ms": specification.Ms, "Mt": specification.Mt},
         "plants": [
-            {"label": label} | _plant_table(machine, openings) for label, machine in variants(actuator, specification).items()
+            {"label": label} | _plant_table(machine, openings)
+            for label, machine in variants(
+                actuator, specification.uncertainty, specification.added_plants
+            ).items()
         ],
-        "regulators": [{"label": label} | _regulator(schedule) for label, schedule in schedules.items()],
+        "regulators": [
+            {"label": label} | _regulator(schedule) for label, schedule in schedules.items()
+        ],
     }
 
 
 def opening_grid(actuator: Actuator) -> np.ndarray:
-    """(2 n,) openings of both signs, evenly from a fiftieth of what lies beyond the dead band to 1."""
+    """(2 n,) openings of both signs, evenly from a fiftieth of what lies beyond the dead band to
+    1."""
     beyond = np.linspace(_LEAST_OPENING, 1.0, _OPENINGS)
     right = actuator.dead_band + beyond * (1.0 - actuator.dead_band)
     return np.concatenate([-right[::-1], right])
@@ -59,19 +68,31 @@ def encoded(values: np.ndarray) -> str:
 
 
 def _plant_table(machine: Actuator, openings: np.ndarray) -> dict:
-    """M by rows, the two entries of B's, p_a, p_b in Pa and v in m/s for each opening; pressures in M are MPa."""
+    """M by rows, the two entries of B's, p_a, p_b in Pa and v in m/s for each opening; pressures in
+    M are MPa."""
     points = find_operating_points(machine, openings, machine.stroke / 2.0)
     family = linearize(machine, points)
     stiff = np.array([*plant.stiffnesses(machine.stroke / 2.0, plant.parameters(machine)), 1.0])
     scale = np.array([_PRESSURE_SCALE, _PRESSURE_SCALE, 1.0])
     M = family.A * scale / (scale * stiff)[:, None]
     entry = (family.B[..., 0] / (scale * stiff))[..., :2]
-    rows = np.concatenate([M.reshape(-1, 9), entry, np.stack([points.p_a, points.p_b, points.v], axis=-1)], axis=-1)
-    reasons = {str(i): reason.partition(": ")[2] for i, reason in enumerate(points.reason) if reason}
+    rows = np.concatenate(
+        [M.reshape(-1, 9), entry, np.stack([points.p_a, points.p_b, points.v], axis=-1)], axis=-1
+    )
+    reasons = {
+        str(i): reason.partition(": ")[2] for i, reason in enumerate(points.reason) if reason
+    }
     valve = None
     if machine.valve_natural_frequency is not None:
-        valve = {"natural_frequency": machine.valve_natural_frequency, "damping": machine.valve_damping}
-    return {name: getattr(machine, name) for name in _PLANT_FIELDS} | {"valve": valve, "rows": encoded(rows), "reasons": reasons}
+        valve = {
+            "natural_frequency": machine.valve_natural_frequency,
+            "damping": machine.valve_damping,
+        }
+    return {name: getattr(machine, name) for name in _PLANT_FIELDS} | {
+        "valve": valve,
+        "rows": encoded(rows),
+        "reasons": reasons,
+    }
 
 
 def _regulator(schedule: GainSchedule) -> dict:

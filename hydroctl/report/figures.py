@@ -7,12 +7,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..characteristics import resonance
-from ..linearization import linearize
-from ..operating_point import find_operating_points
-from ..regulators import STRUCTURES
-from ..schedule import GainSchedule
-from ..schedule_document import GAIN_UNITS
+from ..model.characteristics import resonance
+from ..model.linearization import linearize
+from ..model.operating_point import find_operating_points
+from ..regulator.structures import STRUCTURES
+from ..schedule.document import GAIN_UNITS
+from ..schedule.schedule import GainSchedule
 from ..simulation import Scenario, Trajectory
 from ..validation import ValidationReport
 from .explorer import encoded
@@ -31,14 +31,20 @@ _MARGINS = {
 
 
 def map_data(schedule: GainSchedule) -> dict:
-    """Layers over the openings x and positions y of the schedule's margins: margins, gains, and the nominal machine itself."""
+    """Layers over the openings x and positions y of the schedule's margins: margins, gains, and the
+    nominal machine itself."""
     found = schedule.margins
     layers = [
-        _layer(label, unit, factor * getattr(np, worst)(getattr(found.margins, name), axis=0), worst)
+        _layer(
+            label, unit, factor * getattr(np, worst)(getattr(found.margins, name), axis=0), worst
+        )
         for name, (label, unit, factor, worst) in _MARGINS.items()
     ]
     gains = schedule.gains(found.x[:, None], found.y)
-    layers += [_layer(name, GAIN_UNITS[schedule.loop][name], getattr(gains, name)) for name in STRUCTURES[schedule.structure]]
+    layers += [
+        _layer(name, GAIN_UNITS[schedule.loop][name], getattr(gains, name))
+        for name in STRUCTURES[schedule.structure]
+    ]
     if schedule.zz != schedule.zp or schedule.sections:
         layers.append(_layer("notch frequency", "Hz", _HERTZ * gains.notch_frequency))
     points = find_operating_points(schedule.actuator, found.x[:, None], found.y)
@@ -55,16 +61,26 @@ def map_data(schedule: GainSchedule) -> dict:
 
 
 def _layer(label: str, unit: str, values: np.ndarray, worst: str = "") -> dict:
-    """`worst`: "max" or "min" where that is the bad end, else empty. Values in six digits; what is not finite is None."""
-    rows = [[float(f"{value:.6g}") if np.isfinite(value) else None for value in row] for row in values]
+    """`worst`: "max" or "min" where that is the bad end, else empty. Values in six digits; what is
+    not finite is None."""
+    rows = [
+        [float(f"{value:.6g}") if np.isfinite(value) else None for value in row] for row in values
+    ]
     return {"label": label, "unit": unit, "worst": worst, "values": rows}
 
 
 def trace_data(reports: Mapping[str, ValidationReport]) -> list[dict]:
-    """The motions of every scenario on the plant that comes first, of each report by name; a run that failed has its reason."""
-    runs = {name: [run for run in report.runs if run.variant == report.runs[0].variant] for name, report in reports.items()}
+    """The motions of every scenario on the plant that comes first, of each report by name; a run
+    that failed has its reason."""
+    runs = {
+        name: [run for run in report.runs if run.variant == report.runs[0].variant]
+        for name, report in reports.items()
+    }
     return [
-        _scenario(row[0].scenario, {name: run.trajectory or run.reason for name, run in zip(runs, row, strict=True)})
+        _scenario(
+            row[0].scenario,
+            {name: run.trajectory or run.reason for name, run in zip(runs, row, strict=True)},
+        )
         for row in zip(*runs.values(), strict=True)
     ]
 
@@ -78,7 +94,8 @@ def _scenario(scenario: Scenario, motions: Mapping[str, Trajectory | str]) -> di
         "step": stride * scenario.Ts,
         "reference": encoded(scenario.reference[::stride].astype(np.float32)),
         "motions": [
-            {"label": label} | ({"reason": motion} if isinstance(motion, str) else _signals(motion, stride))
+            {"label": label}
+            | ({"reason": motion} if isinstance(motion, str) else _signals(motion, stride))
             for label, motion in motions.items()
         ],
     }

@@ -9,15 +9,15 @@ from importlib.resources import files
 from pathlib import Path
 
 from .. import __version__
-from ..actuator import PARAMETERS
 from ..digits import apart
 from ..errors import InputError
 from ..files import write_file
-from ..margins import MARGIN_UNITS
-from ..schedule import GainSchedule
-from ..schedule_file import law_text
+from ..loop.margins import MARGIN_UNITS
+from ..machine.actuator import PARAMETERS
+from ..schedule.file import law_text
+from ..schedule.schedule import GainSchedule
 from ..validation import Standing, ValidationReport, Verdict, validate
-from ..verdicts import margin_verdicts
+from ..validation.margin_verdicts import margin_verdicts
 from .explorer import explorer_data
 from .figures import map_data, trace_data
 
@@ -52,11 +52,15 @@ def write_report(
 ) -> Path:
     """Write the page on `schedule` and its `validation` to `path`, atomically, as one HTML file.
 
-    `beside`: other schedules for the same machine, loop and sampling, by name, which explorer and motions show too.
-    `comparison`: how schedules stand against a baseline, as `validation.standings`. `remarks`: sentences that stand under the
-    verdict. Raises InputError where a schedule does not fit the first or the file cannot be written.
+    `beside`: other schedules for the same machine, loop and sampling, by name, which explorer and
+    motions show too. `comparison`: how schedules stand against a baseline, as
+    `validation.standings`. `remarks`: sentences that stand under the verdict. Raises InputError
+    where a schedule does not fit the first or the file cannot be written.
     """
-    return write_file(path, page(schedule, validation, beside=beside, comparison=comparison, remarks=remarks).encode())
+    return write_file(
+        path,
+        page(schedule, validation, beside=beside, comparison=comparison, remarks=remarks).encode(),
+    )
 
 
 def page(
@@ -73,12 +77,20 @@ def page(
 
     beside = dict(beside or {})
     _require_alike(schedule, beside)
-    scenarios = [run.scenario for run in validation.runs if run.variant == validation.runs[0].variant]
-    reports = {name: validate(other.actuator, other, scenarios=scenarios) for name, other in beside.items()}
+    scenarios = [
+        run.scenario for run in validation.runs if run.variant == validation.runs[0].variant
+    ]
+    reports = {
+        name: validate(other.actuator, other, scenarios=scenarios) for name, other in beside.items()
+    }
     verdicts = (*margin_verdicts(schedule), *validation.verdicts)
     source = files("hydroctl.report").joinpath("templates")
-    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined)
-    environment.filters.update(short=short, shown=shown, shown_unit=shown_unit, against_limit=against_limit)
+    environment = jinja2.Environment(
+        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
+    )
+    environment.filters.update(
+        short=short, shown=shown, shown_unit=shown_unit, against_limit=against_limit
+    )
     template = environment.from_string(source.joinpath("page.html").read_text("utf-8"))
     return template.render(
         schedule=schedule,
@@ -86,7 +98,10 @@ def page(
         passed=all(verdict.passed for verdict in verdicts),
         remarks=remarks,
         verdicts=verdicts,
-        worst=[(_MARGIN_NAMES[name], schedule.margins.worst(name), unit) for name, unit in MARGIN_UNITS.items()],
+        worst=[
+            (_MARGIN_NAMES[name], schedule.margins.worst(name), unit)
+            for name, unit in MARGIN_UNITS.items()
+        ],
         comparison=comparison or {},
         specification=_specification(schedule),
         parameters=_parameters(schedule),
@@ -112,7 +127,8 @@ def shown_unit(unit: str) -> str:
 
 
 def short(value) -> str:
-    """A value as a table shows it: numbers in four digits, infinite ones as a sign, anything else as text."""
+    """A value as a table shows it: numbers in four digits, infinite ones as a sign, anything else
+    as text."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return str(value)
     return _typeset(f"{value:.{_DIGITS}g}")
@@ -135,7 +151,10 @@ def _require_alike(schedule: GainSchedule, beside: Mapping[str, GainSchedule]) -
         return one.loop, one.Ts, one.delay_samples, one.actuator.parameters()
 
     if strange := [name for name, other in beside.items() if kind(other) != kind(schedule)]:
-        raise InputError(f"schedule {name!r} is for another machine, loop or sampling; compare what is alike." for name in strange)
+        raise InputError(
+            f"schedule {name!r} is for another machine, loop or sampling; compare what is alike."
+            for name in strange
+        )
 
 
 def _specification(schedule: GainSchedule) -> dict[str, object]:
@@ -147,4 +166,8 @@ def _specification(schedule: GainSchedule) -> dict[str, object]:
 def _parameters(schedule: GainSchedule) -> list[tuple[str, float, str]]:
     """(name, value, unit) of the machine, as far as stated."""
     given = schedule.actuator.parameters()
-    return [(name, value, PARAMETERS[name].metadata["unit"]) for name, value in given.items() if value is not None]
+    return [
+        (name, value, PARAMETERS[name].metadata["unit"])
+        for name, value in given.items()
+        if value is not None
+    ]

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .. import plant
-from ..actuator import Actuator
 from ..errors import InputError, SimulationError
+from ..machine.actuator import Actuator
+from ..model import plant
+from ..regulator.prepared import regulator_of
 from .modes import substeps as needed_substeps
-from .regulator import regulator_of
 from .scenario import Scenario, require_fit
 from .trajectory import State, Trajectory, require_motion, rest_state
 
 if TYPE_CHECKING:
-    from ..schedule import GainSchedule
+    from ..schedule.schedule import GainSchedule
 
 
 def simulate_closed_loop(
@@ -24,12 +24,15 @@ def simulate_closed_loop(
 ) -> Trajectory:
     """The motion at the scenario's sample instants; its regulator law is that of `simulation.law`.
 
-    The plant is integrated by Runge-Kutta 6 in equal substeps of a sample, `substeps` of them or as many as its fastest mode needs,
-    and with error control through those in which its equations bend. Raises InputError where schedule and scenario do not fit
-    together, SimulationError where the motion, or the regulator, leaves the numbers.
+    The plant is integrated by Runge-Kutta 6 in equal substeps of a sample, `substeps` of them or as
+    many as its fastest mode needs, and with error control through those in which its equations
+    bend. Raises InputError where schedule and scenario do not fit together, SimulationError where
+    the motion, or the regulator, leaves the numbers.
     """
     require_fit(schedule, scenario)
-    if substeps is not None and (isinstance(substeps, bool) or not isinstance(substeps, Integral) or substeps < 1):
+    if substeps is not None and (
+        isinstance(substeps, bool) or not isinstance(substeps, Integral) or substeps < 1
+    ):
         raise InputError(f"substeps = {substeps!r} must be a whole number of at least 1, or None.")
     load = scenario.load_force + actuator.constant_load
     start = scenario.initial
@@ -38,16 +41,26 @@ def simulate_closed_loop(
     count = substeps or needed_substeps(actuator, scenario.Ts)
     out = np.empty((7, scenario.reference.size))
 
-    from .compiled import loop_for
+    from .kernels.builds import loop_for
 
-    p, regulator = plant.parameters(actuator), regulator_of(schedule)
+    p, regulator = plant.parameters(actuator), regulator_of(schedule.regulator)
     final, faults = loop_for(actuator, regulator).sampled.run(
-        tuple(start), scenario.reference, scenario.v_ref, load, scenario.sensor_signals(), regulator, p, count, out
+        tuple(start),
+        scenario.reference,
+        scenario.v_ref,
+        load,
+        scenario.sensor_signals(),
+        regulator,
+        p,
+        count,
+        out,
     )
     integrator = f"Runge-Kutta 6, {count} substeps of {scenario.Ts / count:g} s per sample"
     p_a, p_b, v, y, spool, x, command = out
     motion = (scenario.t, x, y, v, p_a, p_b, spool, integrator, State(*final))
-    answer = require_motion(actuator, Trajectory(*motion, reference=scenario.reference, command=command))
+    answer = require_motion(
+        actuator, Trajectory(*motion, reference=scenario.reference, command=command)
+    )
     if faults > 0:
         raise SimulationError(
             f"The regulator is unstable in itself: its states overflow at {faults} of {command.size} samples. "

@@ -1,5 +1,5 @@
-"""How fast the plant can move: the largest eigenvalue of its equations, which sets the step length of fixed-step kernels and tells
-stiff machines.
+"""How fast the plant can move: the largest eigenvalue of its equations, which sets the step length
+of fixed-step kernels and tells stiff machines.
 """
 
 from __future__ import annotations
@@ -9,9 +9,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from .. import plant
-from ..actuator import Actuator
-from ..operating_point import find_operating_points, stall_force
+from ..machine.actuator import Actuator
+from ..model import plant
+from ..model.operating_point import find_operating_points, stall_force
 from .trajectory import rest_pressures
 
 _POSITIONS = 9
@@ -24,8 +24,9 @@ _RADIANS_PER_STEP = 1.0
 
 @lru_cache(maxsize=256)
 def fastest_mode(actuator: Actuator) -> float:
-    """The largest |eigenvalue| in rad/s of d(rates)/d(p_a, p_b, v, y) over the stroke and in contact with its ends, at rest and
-    at full speed both ways; or the valve's, where that is larger.
+    """The largest |eigenvalue| in rad/s of d(rates)/d(p_a, p_b, v, y) over the stroke and in
+    contact with its ends, at rest and at full speed both ways; or the valve's, where that is
+    larger.
     """
     y = np.linspace(0.0, actuator.stroke, _POSITIONS)
     points = find_operating_points(actuator, np.array([[-1.0], [1.0]]), y)
@@ -51,7 +52,8 @@ def substeps(actuator: Actuator, Ts: float) -> int:
 
 
 def is_stiff(actuator: Actuator, step: float) -> bool:
-    """Whether the fastest mode passes through more than 100 rad in `step` seconds, the spacing at which a motion is wanted.
+    """Whether the fastest mode passes through more than 100 rad in `step` seconds, the spacing at
+    which a motion is wanted.
 
     An explicit method needs some 30 steps there to stay stable, however smooth the motion is.
     """
@@ -63,14 +65,24 @@ def _valve_mode(actuator: Actuator) -> float:
     if actuator.valve_natural_frequency is None:
         return 0.0
     damping = actuator.valve_damping
-    return actuator.valve_natural_frequency * max(1.0, damping + math.sqrt(max(0.0, damping**2 - 1.0)))
+    return actuator.valve_natural_frequency * max(
+        1.0, damping + math.sqrt(max(0.0, damping**2 - 1.0))
+    )
 
 
 def _jacobians(actuator: Actuator, states: np.ndarray) -> np.ndarray:
-    """(n, 4, 4) by central differences, in states scaled to their ranges; `states` (5, n) holds p_a, p_b, v, y, x."""
+    """(n, 4, 4) by central differences, in states scaled to their ranges; `states` (5, n) holds
+    p_a, p_b, v, y, x."""
     p = plant.parameters(actuator)
     pressure = actuator.supply_pressure
-    scales = np.array([pressure, pressure, actuator.flow_coefficient * math.sqrt(pressure) / actuator.area_a, actuator.stroke])
+    scales = np.array(
+        [
+            pressure,
+            pressure,
+            actuator.flow_coefficient * math.sqrt(pressure) / actuator.area_a,
+            actuator.stroke,
+        ]
+    )
 
     def slopes(p_a, p_b, v, y, x):
         return np.array([*plant.rates(p_a, p_b, v, y, x, actuator.constant_load, p), v])

@@ -1,4 +1,5 @@
-"""What the regulator sees of the plant: `Sensors`, with quantization and noise, and its compiled half."""
+"""What the regulator sees of the plant: `Sensors`, with quantization and noise, and its compiled
+half."""
 
 from __future__ import annotations
 
@@ -15,10 +16,12 @@ _KINDS = ("noise", "resolution")
 
 @dataclass(frozen=True, kw_only=True)
 class Sensors:
-    """Noise and resolution of what is measured; 0 leaves either out. Raises InputError, all faults at once.
+    """Noise and resolution of what is measured; 0 leaves either out. Raises InputError, all faults
+    at once.
 
-    A reading is the value plus normal noise of the given standard deviation, rounded to whole steps of the resolution. The noise is
-    white from sample to sample and the same in every run with the same `seed`: in each case of a campaign, too.
+    A reading is the value plus normal noise of the given standard deviation, rounded to whole steps
+    of the resolution. The noise is white from sample to sample and the same in every run with the
+    same `seed`: in each case of a campaign, too.
     """
 
     p_a_noise: float = 0.0
@@ -53,13 +56,17 @@ class Sensors:
     def signals(self, samples: int) -> tuple[np.ndarray, np.ndarray]:
         """(noise (4, samples), resolution (4,)) for the compiled half, rows as in SEEN."""
         sigma, resolution = (
-            np.array([float(getattr(self, f"{name}_{kind}")) for name in SEEN]) for kind in ("noise", "resolution")
+            np.array([float(getattr(self, f"{name}_{kind}")) for name in SEEN])
+            for kind in ("noise", "resolution")
         )
-        return sigma[:, None] * np.random.default_rng(self.seed).standard_normal((4, samples)), resolution
+        return sigma[:, None] * np.random.default_rng(self.seed).standard_normal(
+            (4, samples)
+        ), resolution
 
 
 def seen(values, k, sensors):
-    """The readings of `values`, in the order of SEEN, at sample k; `sensors` is what `Sensors.signals` gives, or None."""
+    """The readings of `values`, in the order of SEEN, at sample k; `sensors` is what
+    `Sensors.signals` gives, or None."""
     if sensors is None:
         return values
     return (
@@ -74,4 +81,6 @@ def reading(value, row, k, sensors):
     """One of them."""
     noise, resolution = sensors
     noisy, step = value + noise[row, k], resolution[row]
-    return np.where(step == 0.0, noisy, step * np.floor(noisy / np.where(step == 0.0, 1.0, step) + 0.5))
+    return np.where(
+        step == 0.0, noisy, step * np.floor(noisy / np.where(step == 0.0, 1.0, step) + 0.5)
+    )

@@ -1,4 +1,5 @@
-"""Several cylinders, one reference: couplings with designed gains, and the motion of the group on the nonlinear plants."""
+"""Several cylinders, one reference: couplings with designed gains, and the motion of the group on
+the nonlinear plants."""
 
 from .campaign import SynchronizationCampaign, campaign, random_group
 from .coupling import COUPLINGS, Coupling, CouplingEvidence

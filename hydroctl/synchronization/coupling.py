@@ -4,8 +4,9 @@ The common reference r goes to all; a coupling adds to the reference of cylinder
 
     kc d_i + ki int d_i dt,       d_i = sum_j M_ij (r - y_j)
 
-so that regulator i sees row i of (1 + (kc + ki/s) M)(r - y) as its error. With equal loops L, the motions along the eigenvectors
-of M are those of single loops (1 + (kc + ki/s) lambda) L: the group as a whole, lambda = 0, moves as without coupling.
+so that regulator i sees row i of (1 + (kc + ki/s) M)(r - y) as its error. With equal loops L, the
+motions along the eigenvectors of M are those of single loops (1 + (kc + ki/s) lambda) L: the group
+as a whole, lambda = 0, moves as without coupling.
 
     "independent"   M = 0
     "master-slave"  M_i1 = -1, kc = 1: cylinder 1 follows r, the others follow its measured position
@@ -26,7 +27,8 @@ COUPLINGS = ("independent", "master-slave", "mean", "ring")
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Coupling:
-    """A coupling with its gains, and on what they were found to hold where `design_coupling` made it."""
+    """A coupling with its gains, and on what they were found to hold where `design_coupling` made
+    it."""
 
     name: str
     matrix: np.ndarray
@@ -39,7 +41,8 @@ class Coupling:
 
 @dataclass(frozen=True, kw_only=True)
 class CouplingEvidence:
-    """How the loops of the differences between cylinders stand, over all design points and plants of all schedules."""
+    """How the loops of the differences between cylinders stand, over all design points and plants
+    of all schedules."""
 
     wanted_kc: float
     wanted_ki: float
@@ -57,7 +60,8 @@ class CouplingEvidence:
     y: float
     """m"""
     largest_pole: float
-    """largest |pole| of the sampled, coupled loops of all nominal cylinders together; stable below 1"""
+    """largest |pole| of the sampled, coupled loops of all nominal cylinders together; stable below
+    1"""
 
     @property
     def kept(self) -> bool:

@@ -1,4 +1,5 @@
-"""`design_coupling`: the largest gains of a coupling, up to those wanted, with which the loops of the differences keep Ms."""
+"""`design_coupling`: the largest gains of a coupling, up to those wanted, with which the loops of
+the differences keep Ms."""
 
 from __future__ import annotations
 
@@ -8,18 +9,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..actuator import Actuator
 from ..digits import apart
 from ..errors import InputError, unknown_name
-from ..frequency import SampledFamily, frequency_grid
-from ..margins import Loop, peaks
-from ..regulators import series
-from ..schedule import sampled_plants
+from ..loop.design_plants import sampled_plants
+from ..loop.margins import Loop, peaks
+from ..loop.sampled_plant import SampledFamily, frequency_grid
+from ..machine.actuator import Actuator
+from ..regulator.structures import series
 from .checks import group_faults
 from .coupling import COUPLINGS, Coupling, CouplingEvidence, coupling_matrix
 
 if TYPE_CHECKING:
-    from ..schedule import GainSchedule
+    from ..schedule.schedule import GainSchedule
 
 WANTED_KC, WANTED_KI = 0.5, 40.0
 _HALVINGS, _ROUNDS = 30, 4
@@ -28,7 +29,8 @@ _POSITIONS = 3
 
 @dataclass(frozen=True, eq=False)
 class DifferenceLoop:
-    """The loops (1 + kc + ki Ts/(z - 1)) C G over the shape (...) of kc and ki, for `margins.analyse`."""
+    """The loops (1 + kc + ki Ts/(z - 1)) C G over the shape (...) of kc and ki, for
+    `margins.analyse`."""
 
     loop: Loop
     kc: np.ndarray
@@ -57,7 +59,9 @@ class DifferenceLoop:
 
     def take(self, indices) -> DifferenceLoop:
         """The loops at flat `indices`, along one axis."""
-        return DifferenceLoop(self.loop.take(indices), self.kc.reshape(-1)[indices], self.ki.reshape(-1)[indices])
+        return DifferenceLoop(
+            self.loop.take(indices), self.kc.reshape(-1)[indices], self.ki.reshape(-1)[indices]
+        )
 
     def scaled(self, factor: float) -> DifferenceLoop:
         """The same loops with this part of the gains."""
@@ -83,16 +87,20 @@ def design_coupling(
     ki: float = WANTED_KI,
     Ms: float = 2.0,
 ) -> Coupling:
-    """The coupling `name` with the largest part, up to all, of the wanted kc and ki (1/s) with which the differences keep `Ms`.
+    """The coupling `name` with the largest part, up to all, of the wanted kc and ki (1/s) with
+    which the differences keep `Ms`.
 
-    Their loops are those of every cylinder at the design points of its schedule, on every plant of its specification, for every
-    eigenvalue of M that is not 0. Both gains are scaled alike; 0 where even the uncoupled loops do not keep `Ms`, which
-    `evidence.kept` tells. "independent" and "master-slave" have no gains to choose. Raises InputError, all faults at once.
+    Their loops are those of every cylinder at the design points of its schedule, on every plant of
+    its specification, for every eigenvalue of M that is not 0. Both gains are scaled alike; 0 where
+    even the uncoupled loops do not keep `Ms`, which `evidence.kept` tells. "independent" and
+    "master-slave" have no gains to choose. Raises InputError, all faults at once.
     """
     faults = group_faults(actuators, schedules)
     gains = {"kc": kc, "ki": ki}
     faults += [
-        f"{key} = {gain!r} must be a finite number of at least 0." for key, gain in gains.items() if not 0.0 <= gain < np.inf
+        f"{key} = {gain!r} must be a finite number of at least 0."
+        for key, gain in gains.items()
+        if not 0.0 <= gain < np.inf
     ]
     faults += [] if name in COUPLINGS else [unknown_name("coupling", name, COUPLINGS)]
     faults += [] if 1.0 < Ms < np.inf else [f"Ms = {Ms!r} must be a finite number above 1."]
@@ -103,12 +111,25 @@ def design_coupling(
     matrix = coupling_matrix(name, len(actuators))
     values = np.linalg.eigvalsh(matrix) if name in ("mean", "ring") else np.zeros(1)
     modes = np.unique(np.round(values[values > 1e-9], 12))
-    wanted = {"kc": kc, "ki": ki} if modes.size else {"kc": float(name == "master-slave"), "ki": 0.0}
-    different = {(a.fingerprint(), id(s)): i for i, (a, s) in reversed(list(enumerate(zip(actuators, schedules, strict=True))))}
-    loops = {i: _loops(actuators[i], schedules[i], modes, **wanted) for i in sorted(different.values())}
+    wanted = (
+        {"kc": kc, "ki": ki} if modes.size else {"kc": float(name == "master-slave"), "ki": 0.0}
+    )
+    different = {
+        (a.fingerprint(), id(s)): i
+        for i, (a, s) in reversed(list(enumerate(zip(actuators, schedules, strict=True))))
+    }
+    loops = {
+        i: _loops(actuators[i], schedules[i], modes, **wanted) for i in sorted(different.values())
+    }
     uncoupled = _worst({i: loop.scaled(0.0) for i, (_, loop) in loops.items()})
-    factor, worst = _largest({i: loop for i, (_, loop) in loops.items()}, Ms, uncoupled) if modes.size else (1.0, uncoupled)
-    coupling = Coupling(name=name, matrix=matrix, kc=factor * wanted["kc"], ki=factor * wanted["ki"])
+    factor, worst = (
+        _largest({i: loop for i, (_, loop) in loops.items()}, Ms, uncoupled)
+        if modes.size
+        else (1.0, uncoupled)
+    )
+    coupling = Coupling(
+        name=name, matrix=matrix, kc=factor * wanted["kc"], ki=factor * wanted["ki"]
+    )
     peak, i, index = worst
     labels, loop = loops[i]
     _, variant, row, column = np.unravel_index(index, loop.shape)
@@ -131,20 +152,32 @@ def _law_faults(schedules) -> list[str]:
     """The coupling enters by the reference; it must act in the loop as the measurement does."""
     found = []
     for i, s in enumerate(schedules):
-        for name, value, needed in (("set_point_weight", s.b, 1.0), ("measurement_filter", s.Tm, 0.0)):
+        for name, value, needed in (
+            ("set_point_weight", s.b, 1.0),
+            ("measurement_filter", s.Tm, 0.0),
+        ):
             if value != needed:
                 given, wanted = apart(value, needed)
-                found.append(f"schedule {i + 1} has {name} = {given}: a coupling with gains needs {wanted}; tune it so.")
+                found.append(
+                    f"schedule {i + 1} has {name} = {given}: a coupling with gains needs {wanted}; tune it so."
+                )
         if np.any(s.kd) and s.c != 1.0:
-            found.append(f'schedule {i + 1} has derivative_on = "measurement": a coupling with gains needs "error"; tune it so.')
+            found.append(
+                f'schedule {i + 1} has derivative_on = "measurement": a coupling with gains needs "error"; tune it so.'
+            )
     return found
 
 
 def _loops(actuator: Actuator, schedule: GainSchedule, modes, kc: float, ki: float):
-    """(labels of the plants, loops over (modes, plants, x, y)); without modes one loop, uncoupled."""
-    labels, plants = sampled_plants(actuator, schedule.design_x, schedule.design_y, "position", schedule.specification)
+    """(labels of the plants, loops over (modes, plants, x, y)); without modes one loop,
+    uncoupled."""
+    labels, plants = sampled_plants(
+        actuator, schedule.design_x, schedule.design_y, "position", schedule.specification
+    )
     plants = SampledFamily.stack([plants] * max(1, modes.size))
-    regulators = schedule.gains(schedule.design_x[:, None], schedule.design_y).broadcast_to(plants.shape)
+    regulators = schedule.gains(schedule.design_x[:, None], schedule.design_y).broadcast_to(
+        plants.shape
+    )
     weights = modes if modes.size else np.zeros(1)
     weights = np.broadcast_to(weights[:, None, None, None], plants.shape)
     return labels, DifferenceLoop(Loop(plants, regulators), kc * weights, ki * weights)
@@ -161,9 +194,11 @@ def _worst(loops: Mapping[int, DifferenceLoop]) -> tuple[float, int, int]:
 
 
 def _largest(loops: Mapping[int, DifferenceLoop], limit: float, uncoupled):
-    """(largest factor up to 1 on the gains that keeps `limit`, the worst loop there); 0 where nothing does.
+    """(largest factor up to 1 on the gains that keeps `limit`, the worst loop there); 0 where
+    nothing does.
 
-    Halving on a grid of frequencies finds the factor; the exact peak then corrects the limit that the grid has to keep.
+    Halving on a grid of frequencies finds the factor; the exact peak then corrects the limit that
+    the grid has to keep.
     """
     worst = _worst(loops)
     if worst[0] <= limit:
@@ -178,7 +213,9 @@ def _largest(loops: Mapping[int, DifferenceLoop], limit: float, uncoupled):
         low, high = 0.0, 1.0
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)
-            kept = all((np.abs(alone + middle * added) >= 1.0 / aim).all() for alone, added in responses)
+            kept = all(
+                (np.abs(alone + middle * added) >= 1.0 / aim).all() for alone, added in responses
+            )
             low, high = (middle, high) if kept else (low, middle)
         worst = _worst({i: loop.scaled(low) for i, loop in loops.items()})
         if worst[0] <= limit:
@@ -187,14 +224,21 @@ def _largest(loops: Mapping[int, DifferenceLoop], limit: float, uncoupled):
     return 0.0, uncoupled
 
 
-def largest_pole(actuators: Sequence[Actuator], schedules: Sequence[GainSchedule], coupling: Coupling) -> float:
-    """Largest |pole| of all nominal cylinders together, coupled, at the ends of either side of x and three positions.
+def largest_pole(
+    actuators: Sequence[Actuator], schedules: Sequence[GainSchedule], coupling: Coupling
+) -> float:
+    """Largest |pole| of all nominal cylinders together, coupled, at the ends of either side of x
+    and three positions.
 
-    All stand at the same x and y. Directions that the integrals of the coupling cannot reach are left out.
+    All stand at the same x and y. Directions that the integrals of the coupling cannot reach are
+    left out.
     """
     design_x = schedules[0].design_x
     sides = [side for side in (design_x[design_x < 0.0], design_x[design_x > 0.0]) if side.size]
-    x, y = np.unique([side[[0, -1]] for side in sides]), np.linspace(0.0, actuators[0].stroke, _POSITIONS)
+    x, y = (
+        np.unique([side[[0, -1]] for side in sides]),
+        np.linspace(0.0, actuators[0].stroke, _POSITIONS),
+    )
     cylinders = []
     for actuator, schedule in zip(actuators, schedules, strict=True):
         nominal = replace(schedule.specification, uncertainty="nominal", added_plants=())
@@ -206,11 +250,16 @@ def largest_pole(actuators: Sequence[Actuator], schedules: Sequence[GainSchedule
 
 
 def group_poles(cylinders, coupling: Coupling, Ts: float) -> np.ndarray:
-    """(..., n) complex poles of N loops, each opened as (A, B, C, 0) from error to position over (...), closed and coupled."""
+    """(..., n) complex poles of N loops, each opened as (A, B, C, 0) from error to position over
+    (...), closed and coupled."""
     shape = cylinders[0][0].shape[:-2]
     sizes = [system[0].shape[-1] for system in cylinders]
     total, count = sum(sizes), len(cylinders)
-    A, B, C = np.zeros((*shape, total, total)), np.zeros((*shape, total, count)), np.zeros((*shape, count, total))
+    A, B, C = (
+        np.zeros((*shape, total, total)),
+        np.zeros((*shape, total, count)),
+        np.zeros((*shape, count, total)),
+    )
     start = 0
     for i, (A_i, B_i, C_i, _) in enumerate(cylinders):
         part = slice(start, start + sizes[i])
@@ -222,6 +271,10 @@ def group_poles(cylinders, coupling: Coupling, Ts: float) -> np.ndarray:
     U, singular, V = np.linalg.svd(coupling.matrix)
     rank = int((singular > 1e-9).sum())
     reached, driving = U[:, :rank], -(Ts * coupling.ki * singular[:rank])[:, None] * V[:rank]
-    top = np.concatenate([A + B @ error @ C, B @ np.broadcast_to(reached, (*shape, count, rank))], axis=-1)
-    bottom = np.concatenate([driving @ C, np.broadcast_to(np.eye(rank), (*shape, rank, rank))], axis=-1)
+    top = np.concatenate(
+        [A + B @ error @ C, B @ np.broadcast_to(reached, (*shape, count, rank))], axis=-1
+    )
+    bottom = np.concatenate(
+        [driving @ C, np.broadcast_to(np.eye(rank), (*shape, rank, rank))], axis=-1
+    )
     return np.linalg.eigvals(np.concatenate([top, bottom], axis=-2))

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 SETTLING = 0.2
-"""s after a load step that count apart: the oil gives way at once, by load over stiffness, before any valve can act"""
+"""s after a load step that count apart: the oil gives way at once, by load over stiffness, before
+any valve can act"""
 
 
 @dataclass(frozen=True)
@@ -31,9 +32,14 @@ class SynchronizationMetrics:
     """s that the motion took"""
 
 
-def measure_group(error: np.ndarray, lags: np.ndarray, commands: np.ndarray, load_steps: np.ndarray, Ts: float):
-    """The metrics of one motion: error (n,) m, lags (N, n) m, commands (N, n), load_steps (n,) True where a load steps."""
-    since = np.arange(error.size) - np.maximum.accumulate(np.where(load_steps, np.arange(error.size), -error.size))
+def measure_group(
+    error: np.ndarray, lags: np.ndarray, commands: np.ndarray, load_steps: np.ndarray, Ts: float
+):
+    """The metrics of one motion: error (n,) m, lags (N, n) m, commands (N, n), load_steps (n,) True
+    where a load steps."""
+    since = np.arange(error.size) - np.maximum.accumulate(
+        np.where(load_steps, np.arange(error.size), -error.size)
+    )
     after = since < round(SETTLING / Ts)
     return SynchronizationMetrics(
         rms=_rms(error[~after]),

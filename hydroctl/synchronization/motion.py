@@ -1,4 +1,5 @@
-"""`synchronize`: several cylinders on the nonlinear plant, each under its own schedule, following one reference together."""
+"""`synchronize`: several cylinders on the nonlinear plant, each under its own schedule, following
+one reference together."""
 
 from __future__ import annotations
 
@@ -10,14 +11,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..actuator import Actuator
 from ..digits import apart
 from ..errors import InputError
-from ..operating_point import stall_force
+from ..machine.actuator import Actuator
+from ..model.operating_point import stall_force
+from ..regulator.prepared import regulator_of
 from ..simulation import State, Trajectory, rest_state
+from ..simulation.kernels.tables import machine_table, regulator_tables
 from ..simulation.modes import substeps as needed_substeps
-from ..simulation.regulator import regulator_of
-from ..simulation.tables import machine_table, regulator_tables
 from ..simulation.trajectory import require_motion
 from .checks import group_faults, profile_faults
 from .coupling import Coupling
@@ -27,7 +28,7 @@ from .profile import MotionProfile
 from .rules import Failure, MotionLimits, RateOverride, StopStrategy
 
 if TYPE_CHECKING:
-    from ..schedule import GainSchedule
+    from ..schedule.schedule import GainSchedule
 
 _LONGEST = 4.0
 _LOAD_STEP = 0.01
@@ -63,7 +64,8 @@ class SynchronizationResult:
     v_ref: np.ndarray
     """(n,) its speed in m/s"""
     rate: np.ndarray
-    """(n,) progress along the profile: 1 at its own speed, less where it is slowed down, 0 after a stop"""
+    """(n,) progress along the profile: 1 at its own speed, less where it is slowed down, 0 after a
+    stop"""
     load_steps: np.ndarray
     """(n,) True where a load jumps by more than 1 % of what the cylinder can hold"""
     stop: Stop | None
@@ -90,7 +92,9 @@ class SynchronizationResult:
     def metrics(self) -> SynchronizationMetrics:
         """Figures of the whole motion."""
         commands = np.array([trajectory.command for trajectory in self.trajectories])
-        return measure_group(self.error, self.reference - self.y, commands, self.load_steps, self.profile.Ts)
+        return measure_group(
+            self.error, self.reference - self.y, commands, self.load_steps, self.profile.Ts
+        )
 
     def summary(self) -> str:
         """What was reached, and with which coupling, in a few lines."""
@@ -104,12 +108,16 @@ class SynchronizationResult:
             parts = f"rms {1e3 * m.rms_after_load_steps:.4f} mm, peak {1e3 * m.peak_after_load_steps:.4f} mm"
             lines.append(f"  in the {SETTLING:g} s after each load step: {parts}")
         end = "to the end of the reference" if self.completed else "NOT to the end of the reference"
-        lines.append(f"  {m.duration:.3f} s, {end}, {m.saturation_time:.3f} s with a valve fully open")
+        lines.append(
+            f"  {m.duration:.3f} s, {end}, {m.saturation_time:.3f} s with a valve fully open"
+        )
         if self.stop is not None:
             s = self.stop
             halted, stated = apart(s.distance.max(), s.stated, factor=1e3)
             way = f"all halted within {halted} mm ({stated} mm stated)"
-            lines.append(f"  stopped at {s.time:.3f} s, cylinder {s.cylinder + 1}: {s.reason}; {way}")
+            lines.append(
+                f"  stopped at {s.time:.3f} s, cylinder {s.cylinder + 1}: {s.reason}; {way}"
+            )
         return "\n".join(lines)
 
 
@@ -126,18 +134,22 @@ def synchronize(
     failure: Failure | None = None,
     longest: float | None = None,
 ) -> SynchronizationResult:
-    """The motion of 2 to 16 cylinders along one reference, from rest; law and equations are those of `simulation.group`.
+    """The motion of 2 to 16 cylinders along one reference, from rest; law and equations are those
+    of `simulation.group`.
 
-    `schedules`: one for each cylinder. `coupling`: one of COUPLINGS, with the gains of `design_coupling`, or a `Coupling`.
-    `load_forces`: for each cylinder a number or (n,) over the samples in N, positive against extension, held after the last one and
-    added to the actuator's. `longest`: s after which a slowed motion ends unfinished; default: four times the reference's.
+    `schedules`: one for each cylinder. `coupling`: one of COUPLINGS, with the gains of
+    `design_coupling`, or a `Coupling`. `load_forces`: for each cylinder a number or (n,) over the
+    samples in N, positive against extension, held after the last one and added to the actuator's.
+    `longest`: s after which a slowed motion ends unfinished; default: four times the reference's.
     Raises InputError, all faults at once; SimulationError where a motion leaves the numbers.
     """
     loads, faults = _loads(load_forces, len(actuators), reference)
     faults += group_faults(actuators, schedules) + profile_faults(actuators, schedules, reference)
     faults += _rule_faults(len(actuators), reference, limits, stop, failure, longest)
     if isinstance(coupling, Coupling) and coupling.matrix.shape != (len(actuators),) * 2:
-        faults.append(f"the coupling is for {len(coupling.matrix)} cylinders, given are {len(actuators)}; design it for these.")
+        faults.append(
+            f"the coupling is for {len(coupling.matrix)} cylinders, given are {len(actuators)}; design it for these."
+        )
     if faults:
         raise InputError(faults)
     if not isinstance(coupling, Coupling):
@@ -145,7 +157,10 @@ def synchronize(
     slowed = override is not None or limits is not None
     samples = reference.position.size
     if slowed:
-        samples = math.ceil((_LONGEST * reference.t[-1] if longest is None else longest) / reference.Ts) + 1
+        samples = (
+            math.ceil((_LONGEST * reference.t[-1] if longest is None else longest) / reference.Ts)
+            + 1
+        )
     loads = np.pad(loads, ((0, 0), (0, max(0, samples - loads.shape[1]))), mode="edge")[:, :samples]
     return _run(actuators, schedules, reference, coupling, loads, override, limits, stop, failure)
 
@@ -156,7 +171,9 @@ def _loads(load_forces, count: int, reference: MotionProfile) -> tuple[np.ndarra
     if load_forces is None:
         return loads, faults
     if not hasattr(load_forces, "__len__") or len(load_forces) != count:
-        return loads, [f"load_forces must be {count} loads, one for each cylinder, each a number or one for each sample."]
+        return loads, [
+            f"load_forces must be {count} loads, one for each cylinder, each a number or one for each sample."
+        ]
     for i, load in enumerate(load_forces):
         load = np.asarray(load, dtype=float)
         if load.shape not in ((), reference.position.shape) or not np.isfinite(load).all():
@@ -172,38 +189,64 @@ def _loads(load_forces, count: int, reference: MotionProfile) -> tuple[np.ndarra
 def _rule_faults(count, reference, limits, stop, failure, longest) -> list[str]:
     faults = []
     if limits is not None and np.size(limits.speed) not in (1, count):
-        faults.append(f"limits.speed has {np.size(limits.speed)} values for {count} cylinders; give one number, or one for each.")
+        faults.append(
+            f"limits.speed has {np.size(limits.speed)} values for {count} cylinders; give one number, or one for each."
+        )
     if failure is not None and stop is None:
         faults.append("a failure needs a stop strategy; give stop=StopStrategy(...).")
-    if failure is not None and not (isinstance(failure.cylinder, int) and 0 <= failure.cylinder < count):
-        faults.append(f"failure.cylinder = {failure.cylinder!r} is none of the cylinders 0 to {count - 1}.")
+    if failure is not None and not (
+        isinstance(failure.cylinder, int) and 0 <= failure.cylinder < count
+    ):
+        faults.append(
+            f"failure.cylinder = {failure.cylinder!r} is none of the cylinders 0 to {count - 1}."
+        )
     if failure is not None and failure.time > reference.t[-1]:
         given, end = apart(failure.time, reference.t[-1])
         faults.append(f"failure.time = {given} s is after the end of the reference, {end} s.")
     if longest is not None and not reference.t[-1] <= longest < math.inf:
         given, end = apart(longest, reference.t[-1])
-        faults.append(f"longest = {given} s must be finite and not shorter than the reference, {end} s.")
+        faults.append(
+            f"longest = {given} s must be finite and not shorter than the reference, {end} s."
+        )
     return faults
 
 
-def _run(actuators, schedules, reference, coupling, loads, override, limits, stop, failure) -> SynchronizationResult:
-    from ..simulation.compiled import loop_for_group
-    from ..simulation.group import COMMON_ROWS, ROWS
+def _run(
+    actuators, schedules, reference, coupling, loads, override, limits, stop, failure
+) -> SynchronizationResult:
+    from ..simulation.kernels.builds import loop_for_group
+    from ..simulation.kernels.group import COMMON_ROWS, ROWS
 
     count, samples = loads.shape
-    regulators = [regulator_of(schedule) for schedule in schedules]
+    regulators = [regulator_of(schedule.regulator) for schedule in schedules]
     own = np.array([[actuator.constant_load] for actuator in actuators])
-    states = np.array([rest_state(a, reference.position[0], load_force=load[0]) for a, load in zip(actuators, loads, strict=True)])
-    ceiling = np.ones(reference.speed.size) if limits is None else limits.ceiling(reference.speed, actuators)
+    states = np.array(
+        [
+            rest_state(a, reference.position[0], load_force=load[0])
+            for a, load in zip(actuators, loads, strict=True)
+        ]
+    )
+    ceiling = (
+        np.ones(reference.speed.size)
+        if limits is None
+        else limits.ceiling(reference.speed, actuators)
+    )
     path = np.array([reference.position, reference.speed, ceiling])
-    rules = (*_rule_numbers(override, stop, failure, reference.Ts), (coupling.matrix, float(coupling.kc), float(coupling.ki)))
+    rules = (
+        *_rule_numbers(override, stop, failure, reference.Ts),
+        (coupling.matrix, float(coupling.kc), float(coupling.ki)),
+    )
     substeps = np.array([needed_substeps(actuator, reference.Ts) for actuator in actuators])
     tables = regulator_tables(regulators), machine_table(actuators), substeps
     out, common = np.empty((count, len(ROWS), samples)), np.empty((len(COMMON_ROWS), samples))
-    done, stopped, place = loop_for_group(actuators, regulators).group.run(states, path, loads + own, *rules, *tables, out, common)
+    done, stopped, place = loop_for_group(actuators, regulators).group.run(
+        states, path, loads + own, *rules, *tables, out, common
+    )
     common = common[:, :done].copy()
     trajectories = tuple(
-        require_motion(actuator, _trajectory(rows[:, :done].copy(), reference.Ts, int(steps), state))
+        require_motion(
+            actuator, _trajectory(rows[:, :done].copy(), reference.Ts, int(steps), state)
+        )
         for actuator, rows, steps, state in zip(actuators, out, substeps, states, strict=True)
     )
     return SynchronizationResult(
@@ -214,37 +257,63 @@ def _run(actuators, schedules, reference, coupling, loads, override, limits, sto
         v_ref=common[1],
         rate=common[2],
         load_steps=_load_steps(actuators, loads[:, :done]),
-        stop=None if stopped < 0 else _stop_report(trajectories, common[0], stopped, stop, failure, reference.Ts),
+        stop=None
+        if stopped < 0
+        else _stop_report(trajectories, common[0], stopped, stop, failure, reference.Ts),
         completed=stopped < 0 and place >= reference.position.size - 1,
     )
 
 
-def _rule_numbers(override: RateOverride | None, stop: StopStrategy | None, failure: Failure | None, Ts: float):
+def _rule_numbers(
+    override: RateOverride | None, stop: StopStrategy | None, failure: Failure | None, Ts: float
+):
     """What the kernel takes as override, stop and failure."""
-    from ..simulation.group import SENSOR, SOUND, VALVE
+    from ..simulation.kernels.group import SENSOR, SOUND, VALVE
 
     slowing = (np.inf, 1.0, 0.0, 0.0)
     if override is not None:
-        slowing = tuple(map(float, (override.free, override.span, override.time_constant, override.least)))
+        slowing = tuple(
+            map(float, (override.free, override.span, override.time_constant, override.least))
+        )
     stopping = (1.0, np.inf) if stop is None else (float(stop.distance), float(stop.largest_lag))
     if failure is None:
         return slowing, stopping, (-1, 0, SOUND)
-    return slowing, stopping, (failure.cylinder, round(failure.time / Ts), SENSOR if failure.kind == "sensor" else VALVE)
+    return (
+        slowing,
+        stopping,
+        (failure.cylinder, round(failure.time / Ts), SENSOR if failure.kind == "sensor" else VALVE),
+    )
 
 
 def _trajectory(rows: np.ndarray, Ts: float, substeps: int, final: np.ndarray) -> Trajectory:
     p_a, p_b, v, y, spool, x, command, target = rows
     integrator = f"Runge-Kutta 6, {substeps} substeps of {Ts / substeps:g} s per sample"
-    motion = (Ts * np.arange(y.size), x, y, v, p_a, p_b, spool, integrator, State(*map(float, final)))
+    motion = (
+        Ts * np.arange(y.size),
+        x,
+        y,
+        v,
+        p_a,
+        p_b,
+        spool,
+        integrator,
+        State(*map(float, final)),
+    )
     return Trajectory(*motion, reference=target, command=command)
 
 
 def _load_steps(actuators: Sequence[Actuator], loads: np.ndarray) -> np.ndarray:
-    held = np.array([np.abs(stall_force(actuator, np.array([-1.0, 1.0]))).min() for actuator in actuators])
-    return (np.abs(np.diff(loads, axis=1, prepend=loads[:, :1])) > _LOAD_STEP * held[:, None]).any(axis=0)
+    held = np.array(
+        [np.abs(stall_force(actuator, np.array([-1.0, 1.0]))).min() for actuator in actuators]
+    )
+    return (np.abs(np.diff(loads, axis=1, prepend=loads[:, :1])) > _LOAD_STEP * held[:, None]).any(
+        axis=0
+    )
 
 
-def _stop_report(trajectories, reference, stopped: int, stop: StopStrategy, failure: Failure | None, Ts: float) -> Stop:
+def _stop_report(
+    trajectories, reference, stopped: int, stop: StopStrategy, failure: Failure | None, Ts: float
+) -> Stop:
     y = np.array([trajectory.y for trajectory in trajectories])[:, stopped:]
     blind = failure is not None and failure.kind == "sensor" and round(failure.time / Ts) <= stopped
     lags = np.abs(reference[stopped] - y[:, 0])

@@ -1,4 +1,5 @@
-"""What a group does beside following: slow down for its weakest member, keep limits, stop together; and what may fail."""
+"""What a group does beside following: slow down for its weakest member, keep limits, stop together;
+and what may fail."""
 
 from __future__ import annotations
 
@@ -8,17 +9,19 @@ from math import inf
 
 import numpy as np
 
-from ..actuator import Actuator
 from ..errors import InputError, unknown_name
+from ..machine.actuator import Actuator
 
 FAILURES = ("sensor", "valve")
 
 
 @dataclass(frozen=True, kw_only=True)
 class RateOverride:
-    """The common reference slows down for the cylinder that lags most: at `limit` it has come down to `least` of its speed.
+    """The common reference slows down for the cylinder that lags most: at `limit` it has come down
+    to `least` of its speed.
 
-    Without it a saturated cylinder falls behind and no coupling can help. Raises InputError, all faults at once.
+    Without it a saturated cylinder falls behind and no coupling can help. Raises InputError, all
+    faults at once.
     """
 
     free: float = 2e-4
@@ -33,7 +36,9 @@ class RateOverride:
     def __post_init__(self):
         faults = []
         if not 0.0 <= self.free < self.limit < inf:
-            faults.append(f"free = {self.free!r} m and limit = {self.limit!r} m must ascend from 0.")
+            faults.append(
+                f"free = {self.free!r} m and limit = {self.limit!r} m must ascend from 0."
+            )
         if not 0.0 <= self.time_constant < inf:
             faults.append(f"time_constant = {self.time_constant!r} must be at least 0 s.")
         if not 0.0 < self.least < 1.0:
@@ -49,10 +54,12 @@ class RateOverride:
 
 @dataclass(frozen=True, kw_only=True)
 class MotionLimits:
-    """What the common reference never asks for, however fast its profile is: it is slowed down in time."""
+    """What the common reference never asks for, however fast its profile is: it is slowed down in
+    time."""
 
     speed: float | Sequence[float] = inf
-    """m/s that a cylinder may be moved at: one number, or one for each; the lowest counts, because all move together"""
+    """m/s that a cylinder may be moved at: one number, or one for each; the lowest counts, because
+    all move together"""
     flow: float = inf
     """m^3/s that the supply they share can give: (sum of the areas that drive) x speed"""
 
@@ -60,7 +67,9 @@ class MotionLimits:
         speeds = np.atleast_1d(np.asarray(self.speed, dtype=float))
         faults = []
         if speeds.ndim != 1 or not (speeds > 0.0).all():
-            faults.append(f"speed = {self.speed!r} must be above 0 m/s, one number or one for each cylinder.")
+            faults.append(
+                f"speed = {self.speed!r} must be above 0 m/s, one number or one for each cylinder."
+            )
         if not self.flow > 0.0:
             faults.append(f"flow = {self.flow!r} must be above 0 m^3/s.")
         if faults:
@@ -68,7 +77,9 @@ class MotionLimits:
 
     def ceiling(self, speed: np.ndarray, actuators: Sequence[Actuator]) -> np.ndarray:
         """(n,) highest rate at which a path of this speed (n,) keeps both limits; at most 1."""
-        areas = np.where(speed > 0.0, sum(a.area_a for a in actuators), sum(a.area_b for a in actuators))
+        areas = np.where(
+            speed > 0.0, sum(a.area_a for a in actuators), sum(a.area_b for a in actuators)
+        )
         allowed = np.minimum(np.min(self.speed), self.flow / areas)
         with np.errstate(divide="ignore"):
             return np.minimum(1.0, allowed / np.abs(speed))
@@ -76,9 +87,11 @@ class MotionLimits:
 
 @dataclass(frozen=True, kw_only=True)
 class StopStrategy:
-    """When the group stops, and how: once a position is not known or further than `largest_lag` from the common reference.
+    """When the group stops, and how: once a position is not known or further than `largest_lag`
+    from the common reference.
 
-    All then follow a reference that is decelerated evenly to rest over `distance`; a cylinder whose valve is stuck is shut off.
+    All then follow a reference that is decelerated evenly to rest over `distance`; a cylinder whose
+    valve is stuck is shut off.
     """
 
     distance: float = 2e-3
@@ -88,7 +101,11 @@ class StopStrategy:
 
     def __post_init__(self):
         values = {"distance": self.distance, "largest_lag": self.largest_lag}
-        if faults := [f"{name} = {value!r} must be above 0 m." for name, value in values.items() if not 0.0 < value < inf]:
+        if faults := [
+            f"{name} = {value!r} must be above 0 m."
+            for name, value in values.items()
+            if not 0.0 < value < inf
+        ]:
             raise InputError(faults)
 
 

@@ -1,9 +1,11 @@
-"""The plants of a box on which a schedule is worst, searched: a sample of the whole box, then uphill from its worst.
+"""The plants of a box on which a schedule is worst, searched: a sample of the whole box, then
+uphill from its worst.
 
-A box is what an uncertainty spans between its ends. Between its corners a loop may be worse than on them: a notch that
-stands apart from the natural frequency on either side meets it somewhere inside. The sample is a low-discrepancy
-sequence, stretched so that part of it lies on the faces; the climb is a pattern search at the worst place. Neither
-proves anything: what they find is a lower bound of the worst.
+A box is what an uncertainty spans between its ends. Between its corners a loop may be worse than on
+them: a notch that stands apart from the natural frequency on either side meets it somewhere inside.
+The sample is a low-discrepancy sequence, stretched so that part of it lies on the faces; the climb
+is a pattern search at the worst place. Neither proves anything: what they find is a lower bound of
+the worst.
 """
 
 from __future__ import annotations
@@ -17,11 +19,13 @@ from functools import lru_cache
 import numpy as np
 
 from ..errors import InputError
-from ..frequency import frequency_grid
-from ..margins import Loop, analyse
-from ..schedule import GainSchedule, WorstPoint, sampled, with_midpoints
-from ..specification import box_of, variant_label
-from .limits import ALLOWANCE
+from ..loop.allowances import ALLOWANCE
+from ..loop.design_plants import sampled, with_midpoints
+from ..loop.margins import Loop, analyse
+from ..loop.sampled_plant import frequency_grid
+from ..machine.variants import box_of, variant_label
+from ..schedule.margins import WorstPoint
+from ..schedule.schedule import GainSchedule
 
 _SAMPLE = 400
 _ROWS, _COLUMNS = 10, 13
@@ -32,7 +36,8 @@ _STRETCH = 1.4
 _FIRST_STEP, _LAST_STEP = 0.125, 0.01
 """of the climb, in widths of the box"""
 _TOLERATED = 0.2 * ALLOWANCE, 0.6 * ALLOWANCE
-"""by how much a limit may be missed at the design points, and between them, before a plant counts as worse"""
+"""by how much a limit may be missed at the design points, and between them, before a plant counts
+as worse"""
 _CLIMBS, _FEW_CLIMBS = 12, 2
 """openings, the worst of the sample, from which a climb starts for each limit"""
 _AT_ONCE = 4
@@ -58,18 +63,24 @@ class BoxSearch:
     """What a search of a schedule's box found, at its design points and half-way between them."""
 
     worst: dict[str, WorstPoint]
-    """by limit ("Ms", "Mt" and those that the specification states): the worst margin that was found"""
+    """by limit ("Ms", "Mt" and those that the specification states): the worst margin that was
+    found"""
     worse: tuple[Mapping[str, float], ...]
-    """plants, {parameter: value in SI} each, on which a limit is missed by more than the tuner tolerates"""
+    """plants, {parameter: value in SI} each, on which a limit is missed by more than the tuner
+    tolerates"""
 
 
 @lru_cache(maxsize=4)
 def search_box(schedule: GainSchedule) -> BoxSearch:
-    """Search the box of the schedule's specification at its design points and half-way between them.
+    """Search the box of the schedule's specification at its design points and half-way between
+    them.
 
-    InputError where the specification counts its plants, and for a plant of the box without an operating point.
+    InputError where the specification counts its plants, and for a plant of the box without an
+    operating point.
     """
-    return _Search(schedule, with_midpoints(schedule.design_x), with_midpoints(schedule.design_y)).result(_CLIMBS)
+    return _Search(
+        schedule, with_midpoints(schedule.design_x), with_midpoints(schedule.design_y)
+    ).result(_CLIMBS)
 
 
 def search_design_points(schedule: GainSchedule) -> BoxSearch:
@@ -79,7 +90,8 @@ def search_design_points(schedule: GainSchedule) -> BoxSearch:
 
 @dataclass(frozen=True)
 class _Place:
-    """A plant of the box, its coordinates from 0 to 1, at point (i, j), with the excess of one limit there."""
+    """A plant of the box, its coordinates from 0 to 1, at point (i, j), with the excess of one
+    limit there."""
 
     limit: int
     plant: np.ndarray
@@ -89,13 +101,16 @@ class _Place:
 
 
 class _Search:
-    """The search of one schedule at x (mx,) by y (my,). Excesses are those beyond what is tolerated."""
+    """The search of one schedule at x (mx,) by y (my,). Excesses are those beyond what is
+    tolerated."""
 
     def __init__(self, schedule: GainSchedule, x: np.ndarray, y: np.ndarray):
         self.schedule, self.x, self.y = schedule, x, y
         self.box = box_of(schedule.actuator, schedule.specification.uncertainty)
         if not self.box:
-            raise InputError(f"uncertainty = {schedule.specification.uncertainty!r} counts its plants; there is no box to search.")
+            raise InputError(
+                f"uncertainty = {schedule.specification.uncertainty!r} counts its plants; there is no box to search."
+            )
         designed = np.isin(x, schedule.design_x)[:, None] & np.isin(y, schedule.design_y)
         self.tolerated = np.where(designed, *_TOLERATED)
         stated = {name: getattr(schedule.specification, name) for name in _EXCESS}
@@ -105,7 +120,9 @@ class _Search:
     def result(self, climbs: int) -> BoxSearch:
         starts, tops, worst, worse = self.starts(), [], {}, []
         for limit, name in enumerate(self.limits):
-            highest = sorted((start for start in starts if start.limit == limit), key=_by_excess)[-climbs:]
+            highest = sorted((start for start in starts if start.limit == limit), key=_by_excess)[
+                -climbs:
+            ]
             found = [self.climb(start) for start in highest]
             worst[name] = self.point(name, max(found, key=_by_excess))
             tops += [top for top in found if top.excess > 0.0]
@@ -116,18 +133,26 @@ class _Search:
         return BoxSearch(worst, tuple(worse))
 
     def starts(self) -> list[_Place]:
-        """The worst place of the sample at every opening for every limit: the corners of the box at all points, then each other
-        plant at points of its own, evenly spread."""
+        """The worst place of the sample at every opening for every limit: the corners of the box at
+        all points, then each other plant at points of its own, evenly spread."""
         best: dict[tuple[int, int], _Place] = {}
         corners, inside = _sample(len(self.box))
         for k, plant in enumerate([*corners, *inside]):
-            rows, columns = (self.spread(k, size, most) for size, most in ((self.x.size, _ROWS), (self.y.size, _COLUMNS)))
+            rows, columns = (
+                self.spread(k, size, most)
+                for size, most in ((self.x.size, _ROWS), (self.y.size, _COLUMNS))
+            )
             if k < len(corners):
                 rows, columns = np.arange(self.x.size), np.arange(self.y.size)
-            excess = self.missed(self.loops(plant[None], rows, columns), _COARSE)[:, 0] - self.tolerated[np.ix_(rows, columns)]
+            excess = (
+                self.missed(self.loops(plant[None], rows, columns), _COARSE)[:, 0]
+                - self.tolerated[np.ix_(rows, columns)]
+            )
             for limit, r in np.ndindex(excess.shape[:2]):
                 c = int(np.argmax(excess[limit, r]))
-                place = _Place(limit, plant, int(rows[r]), int(columns[c]), float(excess[limit, r, c]))
+                place = _Place(
+                    limit, plant, int(rows[r]), int(columns[c]), float(excess[limit, r, c])
+                )
                 best[limit, place.i] = max(best.get((limit, place.i), place), place, key=_by_excess)
         return list(best.values())
 
@@ -143,7 +168,8 @@ class _Search:
         return excess >= _COVERED * top.excess
 
     def climb(self, start: _Place) -> _Place:
-        """Uphill from `start`: to the best of the neighbours in the box, then among the points, or to shorter steps."""
+        """Uphill from `start`: to the best of the neighbours in the box, then among the points, or
+        to shorter steps."""
         limit, plant, i, j, step = start.limit, start.plant, start.i, start.j, _FIRST_STEP
         excess = self.excess(plant[None], [i], [j])[limit].item()
         while step >= _LAST_STEP:
@@ -165,10 +191,14 @@ class _Search:
         """(limits, plants, rows, columns); infinite where the loop is unstable."""
         loops = self.loops(plants, rows, columns)
         stable = np.abs(loops.poles()).max(axis=-1) < 1.0
-        return np.where(stable, self.missed(loops, _FINE), np.inf) - self.tolerated[np.ix_(rows, columns)]
+        return (
+            np.where(stable, self.missed(loops, _FINE), np.inf)
+            - self.tolerated[np.ix_(rows, columns)]
+        )
 
     def missed(self, loops: Loop, frequencies: int) -> np.ndarray:
-        """(limits, plants, rows, columns): by how much each limit is missed; Ms and Mt from so many frequencies."""
+        """(limits, plants, rows, columns): by how much each limit is missed; Ms and Mt from so many
+        frequencies."""
         found = _on_grid(loops, frequencies) if self.only_peaks else analyse(loops)
         return np.stack([_EXCESS[name](found, limit) for name, limit in self.limits.items()])
 
@@ -181,16 +211,23 @@ class _Search:
 
     def change(self, plant: np.ndarray) -> dict[str, float]:
         """What the plant at these coordinates differs by, SI."""
-        return {name: float(low + at * (high - low)) for (name, (low, high)), at in zip(self.box.items(), plant, strict=True)}
+        return {
+            name: float(low + at * (high - low))
+            for (name, (low, high)), at in zip(self.box.items(), plant, strict=True)
+        }
 
     def label(self, plant: np.ndarray) -> str:
-        return variant_label(self.schedule.actuator, self.schedule.specification.uncertainty, self.change(plant))
+        return variant_label(
+            self.schedule.actuator, self.schedule.specification.uncertainty, self.change(plant)
+        )
 
     def point(self, name: str, found: _Place) -> WorstPoint:
         """The margin of limit `name` at the place that was found."""
         margin = _MARGINS.get(name, name)
         value = getattr(analyse(self.loops(found.plant[None], [found.i], [found.j])), margin).item()
-        return WorstPoint(margin, value, self.label(found.plant), float(self.x[found.i]), float(self.y[found.j]))
+        return WorstPoint(
+            margin, value, self.label(found.plant), float(self.x[found.i]), float(self.y[found.j])
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,17 +237,21 @@ class _Peaks:
 
 
 def _on_grid(loops: Loop, points: int) -> _Peaks:
-    """Ms and Mt as far as that many logarithmic frequencies and those about the plants' modes show them."""
+    """Ms and Mt as far as that many logarithmic frequencies and those about the plants' modes show
+    them."""
     L = loops.frequency_response(frequency_grid(loops.plant, points=points))
     S = 1.0 / np.abs(1.0 + L)
     return _Peaks(S.max(axis=-1), (np.abs(L) * S).max(axis=-1))
 
 
 def _sample(parameters: int) -> tuple[np.ndarray, np.ndarray]:
-    """(corners, others), each (n, parameters) from 0 to 1: the others are the sequence of the generalized golden ratio (Roberts,
-    2018), stretched beyond the faces and brought back onto them."""
+    """(corners, others), each (n, parameters) from 0 to 1: the others are the sequence of the
+    generalized golden ratio (Roberts, 2018), stretched beyond the faces and brought back onto
+    them."""
     corners = np.array(list(itertools.product((0.0, 1.0), repeat=parameters)))
-    ratio = np.roots([1.0, *[0.0] * (parameters - 1), -1.0, -1.0]).real.max()  # of ratio^(parameters + 1) = ratio + 1
+    ratio = np.roots(
+        [1.0, *[0.0] * (parameters - 1), -1.0, -1.0]
+    ).real.max()  # of ratio^(parameters + 1) = ratio + 1
     steps = ratio ** -np.arange(1.0, parameters + 1.0)
     inside = (0.5 + np.arange(1, _SAMPLE + 1)[:, None] * steps) % 1.0
     return corners, np.clip(0.5 + _STRETCH * (inside - 0.5), 0.0, 1.0)

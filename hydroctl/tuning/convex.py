@@ -1,10 +1,13 @@
-"""Gains by the convex-concave procedure: the largest integral gain whose loop keeps out of every limit's set at every model.
+"""Gains by the convex-concave procedure: the largest integral gain whose loop keeps out of every
+limit's set at every model.
 
-For a fixed filter and notch the loop gain is linear in the gains g: L = sum_t g_t phi_t. Each limit keeps L out of a convex set
-(see `limits`), and is replaced by the half-plane that touches this set nearest to the present L. That is a linear program; its
-solution keeps out of the sets, and becomes the next L. (Hast, Astrom, Bernhardsson, Boyd: PID design by convex-concave
-optimization, ECC 2013.) The half-planes contain the straight path between two iterates, so L never crosses -1 on the way from
-a small stable gain: the loop stays stable, which the poles of the sampled closed loop confirm afterwards.
+For a fixed filter and notch the loop gain is linear in the gains g: L = sum_t g_t phi_t. Each limit
+keeps L out of a convex set (see `limits`), and is replaced by the half-plane that touches this set
+nearest to the present L. That is a linear program; its solution keeps out of the sets, and becomes
+the next L. (Hast, Astrom, Bernhardsson, Boyd: PID design by convex-concave optimization, ECC 2013.)
+The half-planes contain the straight path between two iterates, so L never crosses -1 on the way
+from a small stable gain: the loop stays stable, which the poles of the sampled closed loop confirm
+afterwards.
 """
 
 from __future__ import annotations
@@ -30,20 +33,23 @@ _CEILING = 1e4
 _RETREATS = (0.99, 0.97, 0.9, 0.7, 0.3)
 _ROW_TOLERANCE = 1e-7
 _NEARLY, _SLACK = 0.003, 0.1
-"""so near to binding, one of the `_CANDIDATES` nearest rows, or a local maximum over the rows, may bind at the next solution"""
+"""so near to binding, one of the `_CANDIDATES` nearest rows, or a local maximum over the rows, may
+bind at the next solution"""
 _CANDIDATES = 24
 _KEPT_ROWS = 100
 """for each limit"""
 
 
 def _weighted(terms: np.ndarray, gains: np.ndarray) -> np.ndarray:
-    """(M, rows): terms (M, rows, t) times gains (M, t), summed over t; for so few t ten times as fast as `matmul`."""
+    """(M, rows): terms (M, rows, t) times gains (M, t), summed over t; for so few t ten times as
+    fast as `matmul`."""
     return sum(terms[:, :, t] * gains[:, None, t] for t in range(gains.shape[1]))
 
 
 @dataclass(frozen=True, eq=False)
 class Bounds:
-    """Linear bounds rows @ g <= most on the gains g (M, t) at M points: rows (M, m, t), most (M, m) above 0."""
+    """Linear bounds rows @ g <= most on the gains g (M, t) at M points: rows (M, m, t), most (M, m)
+    above 0."""
 
     rows: np.ndarray
     most: np.ndarray
@@ -59,10 +65,12 @@ class Bounds:
 
 @dataclass(frozen=True, eq=False)
 class Demands:
-    """What L = phi @ g must keep at M points: out of each limit's set, at the rows where it is imposed, and g within `bounds`."""
+    """What L = phi @ g must keep at M points: out of each limit's set, at the rows where it is
+    imposed, and g within `bounds`."""
 
     phi: np.ndarray
-    """(M, rows, t) complex: the contribution of each gain to the loop gain at each frequency of each model"""
+    """(M, rows, t) complex: the contribution of each gain to the loop gain at each frequency of
+    each model"""
     limits: tuple[Limit, ...]
     imposed: np.ndarray
     """(limits, M, rows) bool"""
@@ -73,30 +81,45 @@ class Demands:
         return Demands(self.phi[:, :, [term]], self.limits, self.imposed, self.bounds.only(term))
 
     def intrusions(self, gains: np.ndarray) -> np.ndarray:
-        """(limits, M, rows): how far L with `gains` (M, t) lies inside each set; -inf where it is not imposed."""
+        """(limits, M, rows): how far L with `gains` (M, t) lies inside each set; -inf where it is
+        not imposed."""
         L = self.loop_gain(gains)
-        return np.stack([np.where(on, limit.intrusion(L), -np.inf) for limit, on in zip(self.limits, self.imposed, strict=True)])
+        return np.stack(
+            [
+                np.where(on, limit.intrusion(L), -np.inf)
+                for limit, on in zip(self.limits, self.imposed, strict=True)
+            ]
+        )
 
     def loop_gain(self, gains: np.ndarray) -> np.ndarray:
         """(M, rows) complex L with `gains` (M, t)."""
         return _weighted(self.phi, gains)
 
     def tightest(self, gains: np.ndarray) -> Demands:
-        """The demands at those rows of each point whose L comes nearest to each of the sets with `gains` (M, t)."""
+        """The demands at those rows of each point whose L comes nearest to each of the sets with
+        `gains` (M, t)."""
         if self.phi.shape[1] <= _KEPT_ROWS * len(self.limits):
             return self
         nearest = np.argpartition(-self.intrusions(gains), _KEPT_ROWS, axis=2)[:, :, :_KEPT_ROWS]
         kept = np.sort(np.concatenate(list(nearest), axis=1), axis=1)
         imposed = np.take_along_axis(self.imposed, kept[None], axis=2)
-        return Demands(np.take_along_axis(self.phi, kept[:, :, None], axis=1), self.limits, imposed, self.bounds)
+        return Demands(
+            np.take_along_axis(self.phi, kept[:, :, None], axis=1),
+            self.limits,
+            imposed,
+            self.bounds,
+        )
 
 
 def small_gains(demands: Demands, *, first: int) -> np.ndarray:
-    """(M, t): a small gain on term `first` alone with which L keeps every demand; NaN where none does."""
+    """(M, t): a small gain on term `first` alone with which L keeps every demand; NaN where none
+    does."""
     gains = np.zeros((demands.phi.shape[0], demands.phi.shape[2]))
     gains[:, first] = _FIRST_GAIN / np.abs(demands.phi[:, :, first]).max(axis=1)
     for _ in range(_HALVINGS):
-        refused = (demands.intrusions(gains).max(axis=(0, 2)) > 0.0) | demands.bounds.exceeded(gains)
+        refused = (demands.intrusions(gains).max(axis=(0, 2)) > 0.0) | demands.bounds.exceeded(
+            gains
+        )
         if not refused.any():
             return gains
         gains[refused] /= 2.0
@@ -104,18 +127,25 @@ def small_gains(demands: Demands, *, first: int) -> np.ndarray:
     return gains
 
 
-def half_of_largest(demands: Demands, mix, small: np.ndarray, term: int, worth: np.ndarray) -> np.ndarray:
-    """(N, t): half the largest gain that `term` may have alone, found from `small` (N, t); the other gains are 0.
+def half_of_largest(
+    demands: Demands, mix, small: np.ndarray, term: int, worth: np.ndarray
+) -> np.ndarray:
+    """(N, t): half the largest gain that `term` may have alone, found from `small` (N, t); the
+    other gains are 0.
 
-    In an integrating loop the crossover then lies inside the grid, so that low frequencies are outside the unit circle.
+    In an integrating loop the crossover then lies inside the grid, so that low frequencies are
+    outside the unit circle.
     """
     gains = np.zeros_like(small)
     gains[:, [term]] = largest_gains(demands.only(term), mix, small[:, [term]], 0, worth) / 2.0
     return gains
 
 
-def retreat(demands: Demands, mix, gains: np.ndarray, find_safe: Callable[[], np.ndarray]) -> np.ndarray:
-    """(N, t): `gains`, drawn towards `find_safe()` (N, t), then 0, at the nodes that put L clearly inside a set, until it is out.
+def retreat(
+    demands: Demands, mix, gains: np.ndarray, find_safe: Callable[[], np.ndarray]
+) -> np.ndarray:
+    """(N, t): `gains`, drawn towards `find_safe()` (N, t), then 0, at the nodes that put L clearly
+    inside a set, until it is out.
 
     From inside, the half-planes need not allow any gains at all.
     """
@@ -128,7 +158,10 @@ def retreat(demands: Demands, mix, gains: np.ndarray, find_safe: Callable[[], np
     if not nodes.any():
         return gains
     safe, gains = find_safe(), gains.copy()
-    for nearer in (*(safe + share * (start - safe) for share in _RETREATS), *(0.5**k * safe for k in range(_HALVINGS))):
+    for nearer in (
+        *(safe + share * (start - safe) for share in _RETREATS),
+        *(0.5**k * safe for k in range(_HALVINGS)),
+    ):
         gains[nodes] = nearer[nodes]
         nodes = inside(gains)
         if not nodes.any():
@@ -136,11 +169,15 @@ def retreat(demands: Demands, mix, gains: np.ndarray, find_safe: Callable[[], np
     return gains
 
 
-def largest_gains(demands: Demands, mix, start: np.ndarray, objective: int, worth: np.ndarray) -> np.ndarray:
-    """Gains g >= 0 (N, t) that maximize worth @ (mix @ g)[:, objective] while mix @ g keeps the demands; from `start` (N, t).
+def largest_gains(
+    demands: Demands, mix, start: np.ndarray, objective: int, worth: np.ndarray
+) -> np.ndarray:
+    """Gains g >= 0 (N, t) that maximize worth @ (mix @ g)[:, objective] while mix @ g keeps the
+    demands; from `start` (N, t).
 
-    `mix` (M, N) sparse: how the gains at the points follow from those at the nodes (the identity where each point is a node, a
-    column of ones for one fixed regulator). Raises InfeasibleError where the linear program cannot be solved.
+    `mix` (M, N) sparse: how the gains at the points follow from those at the nodes (the identity
+    where each point is a node, a column of ones for one fixed regulator). Raises InfeasibleError
+    where the linear program cannot be solved.
     """
     gains, size = start, np.abs(demands.phi)
     column = (mix.T @ np.median(size, axis=1)) / (mix.T @ np.ones((len(size), 1)))
@@ -156,8 +193,8 @@ def largest_gains(demands: Demands, mix, start: np.ndarray, objective: int, wort
 
 
 def _half_planes(demands: Demands, local, present):
-    """(rows, most) of rows @ g <= most: the half-planes that touch each set nearest to L with gains `present` (M, t), then the
-    bounds; each row is of size one in the variables g * local."""
+    """(rows, most) of rows @ g <= most: the half-planes that touch each set nearest to L with gains
+    `present` (M, t), then the bounds; each row is of size one in the variables g * local."""
     L, rows, most = demands.loop_gain(present), [demands.bounds.rows], [demands.bounds.most]
     for limit, on in zip(demands.limits, demands.imposed, strict=True):
         normal, least = limit.half_planes(L)
@@ -170,7 +207,8 @@ def _half_planes(demands: Demands, local, present):
 
 @dataclass(frozen=True)
 class _Program:
-    """rows[m, r] @ (mix @ g)[m] <= most[m, r] and g >= 0, in the variables g * column of size one."""
+    """rows[m, r] @ (mix @ g)[m] <= most[m, r] and g >= 0, in the variables g * column of size
+    one."""
 
     rows: np.ndarray
     most: np.ndarray
@@ -180,8 +218,8 @@ class _Program:
     def solve(self, worth: np.ndarray, objective: int, present: np.ndarray) -> np.ndarray:
         """g (N, t): the largest worth @ g[:, objective].
 
-        Of thousands of rows only a handful binds: the working set begins with those that nearly bind at gains `present`, and
-        violated rows join it until none is left.
+        Of thousands of rows only a handful binds: the working set begins with those that nearly
+        bind at gains `present`, and violated rows join it until none is left.
         """
         from scipy.optimize import LinearConstraint
 
@@ -189,7 +227,9 @@ class _Program:
         cost[:, objective] = -worth / self.column[:, objective]
         cost /= np.abs(cost).max()
         excess = self._excess(present)
-        working = (_highest(excess, _CANDIDATES) & (excess > -_NEARLY)) | (_peaks(excess) & (excess > -_SLACK))
+        working = (_highest(excess, _CANDIDATES) & (excess > -_NEARLY)) | (
+            _peaks(excess) & (excess > -_SLACK)
+        )
         while True:
             rows = LinearConstraint(self._matrix(working), ub=self.most[working])
             gains = _solution(cost.T.ravel(), rows).reshape(cost.T.shape).T / self.column
@@ -217,17 +257,22 @@ class _Program:
 
 
 def _solution(cost: np.ndarray, rows) -> np.ndarray:
-    """The variables from 0 to the ceiling with the least cost, by HiGHS (`milp` without integers skips much of `linprog`).
+    """The variables from 0 to the ceiling with the least cost, by HiGHS (`milp` without integers
+    skips much of `linprog`).
 
     HiGHS is quickest without presolving, and surest with it.
     """
     from scipy.optimize import Bounds, milp
 
     for presolve in (False, True):
-        solved = milp(cost, constraints=rows, bounds=Bounds(0.0, _CEILING), options={"presolve": presolve})
+        solved = milp(
+            cost, constraints=rows, bounds=Bounds(0.0, _CEILING), options={"presolve": presolve}
+        )
         if solved.x is not None:
             return solved.x
-    raise InfeasibleError(f"The linear program of the tuner has no solution: {solved.message} Relax a limit or move the points.")
+    raise InfeasibleError(
+        f"The linear program of the tuner has no solution: {solved.message} Relax a limit or move the points."
+    )
 
 
 def _highest(values, count: int) -> np.ndarray:

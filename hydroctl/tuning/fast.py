@@ -1,12 +1,14 @@
-"""`tune_fast`: gains by formula from the matched second-order models b/(s^2 + a1 s + a2), held to the same limits as `tune`.
+"""`tune_fast`: gains by formula from the matched second-order models b/(s^2 + a1 s + a2), held to
+the same limits as `tune`.
 
     IMC, velocity loop (pid)      kp, ki, kd = a1/(b tau), a2/(b tau), 1/(b tau)     so that L = 1/(tau s)
     IMC, position loop (p+notch)  kp = a2/(b tau), notch at sqrt(a2)                 so that L is about 1/(tau s)
     pole placement, velocity loop (pid), for the closed loop (s + w)(s^2 + 2 zeta w s + w^2):
                                   kp, ki, kd = ((1 + 2 zeta) w^2 - a2)/b, w^3/b, ((1 + 2 zeta) w - a1)/b
 
-The formulas know neither delay, hold and filter nor the variants of the plant. The gains of IMC are in proportion to 1/tau: where a
-limit is missed, tau is raised until it holds. (Rivera, Morari, Skogestad: Internal model control, PID controller design, 1986.)
+The formulas know neither delay, hold and filter nor the variants of the plant. The gains of IMC are
+in proportion to 1/tau: where a limit is missed, tau is raised until it holds. (Rivera, Morari,
+Skogestad: Internal model control, PID controller design, 1986.)
 """
 
 from __future__ import annotations
@@ -15,15 +17,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..actuator import Actuator
 from ..digits import apart
 from ..errors import InfeasibleError, InputError, unknown_name
-from ..linearization import linearize
-from ..margins import Loop, analyse
-from ..operating_point import find_operating_points
-from ..reduction import SecondOrderFamily, reduce_order
-from ..regulators import Regulators
-from ..schedule import GainSchedule
+from ..loop.margins import Loop, analyse
+from ..machine.actuator import Actuator
+from ..model.linearization import linearize
+from ..model.operating_point import find_operating_points
+from ..quasi_linear.reduction import SecondOrderFamily, reduce_order
+from ..regulator.structures import Regulators
+from ..schedule.schedule import GainSchedule
 from ..specification import Specification
 from .limits import limits_of, phrase
 from .refinement import broken
@@ -47,7 +49,8 @@ class FastTuning:
     wanted: np.ndarray
     """(nx, ny) rad/s: 1/tau of IMC, w of pole placement, as asked"""
     reached: np.ndarray
-    """(nx, ny) rad/s: the same, with which every limit holds; below `wanted` where IMC had to be slowed"""
+    """(nx, ny) rad/s: the same, with which every limit holds; below `wanted` where IMC had to be
+    slowed"""
 
 
 def tune_fast(
@@ -60,11 +63,13 @@ def tune_fast(
     bandwidth: float | None = None,
     specification: Specification | None = None,
 ) -> FastTuning:
-    """Gains by `method` "imc" or "pole-placement" at the nodes x (nx,) and y (ny,) in m, checked as those of `tune` are.
+    """Gains by `method` "imc" or "pole-placement" at the nodes x (nx,) and y (ny,) in m, checked as
+    those of `tune` are.
 
-    `bandwidth` in rad/s is 1/tau or w; by default 1/(delay + Ts/2 + Tf) for IMC and the natural frequency of each node for pole
-    placement. Raises InputError as `tune` does and for pole placement in a position loop, InfeasibleError where the poles that were
-    placed miss a limit on the sampled plants, or where IMC meets none, however slow.
+    `bandwidth` in rad/s is 1/tau or w; by default 1/(delay + Ts/2 + Tf) for IMC and the natural
+    frequency of each node for pole placement. Raises InputError as `tune` does and for pole
+    placement in a position loop, InfeasibleError where the poles that were placed miss a limit on
+    the sampled plants, or where IMC meets none, however slow.
     """
     _require(method, loop, bandwidth)
     made: list[FastTuning] = []
@@ -73,13 +78,19 @@ def tune_fast(
         made.append(_tuned(task, method, bandwidth))
         return made[-1].schedule
 
-    on_the_whole_box(task_of(actuator, x, y, loop, "pid" if loop == "velocity" else "p+notch", specification), make, make)
+    on_the_whole_box(
+        task_of(actuator, x, y, loop, "pid" if loop == "velocity" else "p+notch", specification),
+        make,
+        make,
+    )
     return made[-1]
 
 
 def _tuned(task: Task, method: str, bandwidth: float | None) -> FastTuning:
     """The regulators of the task, held to its limits at its points and on its plants."""
-    reduced = reduce_order(linearize(task.actuator, find_operating_points(task.actuator, task.x[:, None], task.y)))
+    reduced = reduce_order(
+        linearize(task.actuator, find_operating_points(task.actuator, task.x[:, None], task.y))
+    )
     default = _default_bandwidth(method, reduced, task.specification)
     wanted = np.broadcast_to(default if bandwidth is None else bandwidth, reduced.shape)
     placed, reached = _regulators(method, task.loop, reduced, wanted, task.specification), wanted
@@ -88,13 +99,17 @@ def _tuned(task: Task, method: str, bandwidth: float | None) -> FastTuning:
         placed, reached = _scaled(placed, share), share * wanted
     else:
         _require_held(task, placed)
-    return FastTuning(assemble_schedule(task, (task.x, task.y), placed), method, reduced, wanted, reached)
+    return FastTuning(
+        assemble_schedule(task, (task.x, task.y), placed), method, reduced, wanted, reached
+    )
 
 
 def _require(method: str, loop: str, bandwidth: float | None) -> None:
     faults = [] if method in METHODS else [unknown_name("method", method, METHODS)]
     if bandwidth is not None and not 0.0 < bandwidth < np.inf:
-        faults.append(f"bandwidth = {bandwidth!r} must be a positive frequency in rad/s, or None for the default.")
+        faults.append(
+            f"bandwidth = {bandwidth!r} must be a positive frequency in rad/s, or None for the default."
+        )
     if method == "pole-placement" and loop == "position":
         faults.append(
             "pole placement needs a velocity loop: with position feedback a PID cannot move the sum of the poles, -a1. "
@@ -106,13 +121,20 @@ def _require(method: str, loop: str, bandwidth: float | None) -> None:
 
 def _default_bandwidth(method: str, reduced: SecondOrderFamily, specification: Specification):
     if method == "imc":
-        return 1.0 / ((specification.delay_samples + 0.5) * specification.sample_time + specification.Tf)
+        return 1.0 / (
+            (specification.delay_samples + 0.5) * specification.sample_time + specification.Tf
+        )
     return reduced.natural_frequency
 
 
-def _regulators(method: str, loop: str, reduced: SecondOrderFamily, wanted, specification: Specification) -> Regulators:
+def _regulators(
+    method: str, loop: str, reduced: SecondOrderFamily, wanted, specification: Specification
+) -> Regulators:
     a1, a2, b = reduced.a1, reduced.a2, reduced.b
-    zero, (zz, zp) = np.zeros(reduced.shape), (1.0, 1.0) if loop == "velocity" else specification.notch_damping
+    zero, (zz, zp) = (
+        np.zeros(reduced.shape),
+        (1.0, 1.0) if loop == "velocity" else specification.notch_damping,
+    )
     if loop == "position":
         kp, ki, kd = a2 * wanted / b, zero, zero
     elif method == "imc":
@@ -135,15 +157,21 @@ def _regulators(method: str, loop: str, reduced: SecondOrderFamily, wanted, spec
 
 
 def _scaled(regulators: Regulators, share: np.ndarray) -> Regulators:
-    return replace(regulators, **{name: share * getattr(regulators, name) for name in ("kp", "ki", "kd")})
+    return replace(
+        regulators, **{name: share * getattr(regulators, name) for name in ("kp", "ki", "kd")}
+    )
 
 
 def _slow_down(task: Task, regulators: Regulators) -> np.ndarray:
-    """(nx, ny): the share of the gains with which every limit holds: 1, or less if the gain at the Nyquist frequency asks for it,
-    or by bisection the largest below the first that fails."""
+    """(nx, ny): the share of the gains with which every limit holds: 1, or less if the gain at the
+    Nyquist frequency asks for it, or by bisection the largest below the first that fails."""
 
     limit = task.specification.high_frequency_gain
-    most = np.ones(regulators.shape) if limit is None else np.minimum(1.0, limit / regulators.nyquist_gain)
+    most = (
+        np.ones(regulators.shape)
+        if limit is None
+        else np.minimum(1.0, limit / regulators.nyquist_gain)
+    )
 
     def holds(share):
         loops = Loop(task.plants, _scaled(regulators, share).broadcast_to(task.plants.shape))
@@ -175,7 +203,9 @@ def _require_held(task: Task, regulators: Regulators) -> None:
         Ms, _ = apart(found.Ms[worst], task.specification.Ms)
         Mt, _ = apart(found.Mt[worst], task.specification.Mt)
         state = f"Ms = {Ms}, Mt = {Mt}" if found.stable[worst] else "an unstable loop"
-        asked = " and ".join(phrase(name, task.specification) for name in limits_of(task.specification))
+        asked = " and ".join(
+            phrase(name, task.specification) for name in limits_of(task.specification)
+        )
         raise InfeasibleError(
             f"{task.place(*worst)}: pole placement, which ignores the delay, gives {state}; asked: {asked}. "
             'Use method "imc" or `tune`, another bandwidth, or a shorter delay.'
@@ -183,10 +213,15 @@ def _require_held(task: Task, regulators: Regulators) -> None:
 
 
 def _misses(task: Task, regulators: Regulators):
-    """((variants, nx, ny), margins): by what share the worst limit is missed; not positive where all hold."""
+    """((variants, nx, ny), margins): by what share the worst limit is missed; not positive where
+    all hold."""
     specification = task.specification
     found = analyse(Loop(task.plants, regulators.broadcast_to(task.plants.shape)))
-    missed = [found.Ms / specification.Ms - 1.0, found.Mt / specification.Mt - 1.0, np.where(found.stable, 0.0, np.inf)]
+    missed = [
+        found.Ms / specification.Ms - 1.0,
+        found.Mt / specification.Mt - 1.0,
+        np.where(found.stable, 0.0, np.inf),
+    ]
     for name in ("gain_margin", "phase_margin"):
         if getattr(specification, name) is not None:
             missed.append(1.0 - getattr(found, name) / getattr(specification, name))

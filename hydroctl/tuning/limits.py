@@ -5,14 +5,15 @@
     gain margin     the disc with the diameter -1 ... -1/gm on the real axis
     phase margin    the part of the unit disc with Re L < -cos(pm), slightly widened
 
-The last two are sufficient: a loop that stays out of the disc does not cross the real axis on its diameter, and one that stays out
-of the segment does not cross the unit circle within pm of -1. They are imposed near the frequencies of crossings that miss the
-margin, so that a loop may enter them elsewhere.
+The last two are sufficient: a loop that stays out of the disc does not cross the real axis on its
+diameter, and one that stays out of the segment does not cross the unit circle within pm of -1. They
+are imposed near the frequencies of crossings that miss the margin, so that a loop may enter them
+elsewhere.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -20,9 +21,6 @@ import numpy as np
 from ..specification import Specification
 
 _ROUNDING = 0.01
-ALLOWANCE = 0.02
-"""for interpolated gains: of Ms and Mt, of a phase margin in rad, and as a share of gain margin and crossover"""
-_LEAST = 1e-6
 
 
 class Disc(NamedTuple):
@@ -46,14 +44,16 @@ class Disc(NamedTuple):
         return self.radius - np.abs(L - self.centre)
 
     def half_planes(self, L: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(normal, bound): Re(conj(normal) L') >= bound is the half-plane that touches the disc nearest to L."""
+        """(normal, bound): Re(conj(normal) L') >= bound is the half-plane that touches the disc
+        nearest to L."""
         normal = (L - self.centre) / np.abs(L - self.centre)
         return normal, normal.real * self.centre + self.radius
 
 
 @dataclass(frozen=True)
 class Segment:
-    """The segment of the unit disc left of the chord between the points at `phase_margin` (rad) from -1, with rounded corners."""
+    """The segment of the unit disc left of the chord between the points at `phase_margin` (rad)
+    from -1, with rounded corners."""
 
     phase_margin: float
 
@@ -64,7 +64,8 @@ class Segment:
 
     @property
     def rounding(self) -> float:
-        """By how much the segment is widened; less where its chord passes near 0, which must stay outside."""
+        """By how much the segment is widened; less where its chord passes near 0, which must stay
+        outside."""
         return min(_ROUNDING, 0.5 * float(np.cos(self.phase_margin)))
 
     def intrusion(self, L: np.ndarray) -> np.ndarray:
@@ -84,7 +85,9 @@ class Segment:
         size = np.abs(L)
         on_arc = L / np.where(size == 0.0, 1.0, size)
         inside = (size < 1.0) & (L.real < chord)
-        nearer_arc = np.where(inside, 1.0 - size < chord - L.real, (size >= 1.0) & (on_arc.real <= chord))
+        nearer_arc = np.where(
+            inside, 1.0 - size < chord - L.real, (size >= 1.0) & (on_arc.real <= chord)
+        )
         nearest = np.where(nearer_arc, on_arc, chord + 1j * np.clip(L.imag, -half, half))
         return nearest, np.where(inside, -1.0, 1.0) * np.abs(L - nearest)
 
@@ -98,8 +101,11 @@ def circles(Ms: float, Mt: float) -> list[Disc]:
 
 
 def limits_of(specification: Specification) -> dict[str, Limit]:
-    """The sets of a specification by the margin that they limit: "Ms" and "Mt", then those that are asked for beside them."""
-    limits: dict[str, Limit] = dict(zip(("Ms", "Mt"), circles(specification.Ms, specification.Mt), strict=True))
+    """The sets of a specification by the margin that they limit: "Ms" and "Mt", then those that are
+    asked for beside them."""
+    limits: dict[str, Limit] = dict(
+        zip(("Ms", "Mt"), circles(specification.Ms, specification.Mt), strict=True)
+    )
     if (gain := specification.gain_margin) is not None:
         limits["gain_margin"] = Disc(-(1.0 + 1.0 / gain) / 2.0, (1.0 - 1.0 / gain) / 2.0)
     if (phase := specification.phase_margin) is not None:
@@ -107,22 +113,10 @@ def limits_of(specification: Specification) -> dict[str, Limit]:
     return limits
 
 
-def between_points(specification: Specification, share: float = 1.0) -> Specification:
-    """The limits as they are to hold half-way between the design points, where the gains are interpolated; `share` of what is
-    allowed there."""
-    gain, phase, crossover = (getattr(specification, name) for name in ("gain_margin", "phase_margin", "min_crossover"))
-    allowance = share * ALLOWANCE
-    return replace(
-        specification,
-        Ms=specification.Ms + allowance,
-        Mt=specification.Mt + allowance,
-        gain_margin=None if gain is None else max(gain * (1.0 - allowance), 1.0 + _LEAST),
-        phase_margin=None if phase is None else max(phase - allowance, _LEAST),
-        min_crossover=None if crossover is None else crossover * (1.0 - allowance),
-    )
-
-
 def phrase(name: str, specification: Specification) -> str:
     """A limit in words, for example "Ms <= 1.6"."""
-    relation, unit = "<=" if name in ("Ms", "Mt") else ">=", " rad" if name == "phase_margin" else ""
+    relation, unit = (
+        "<=" if name in ("Ms", "Mt") else ">=",
+        " rad" if name == "phase_margin" else "",
+    )
     return f"{name} {relation} {getattr(specification, name):g}{unit}"

@@ -1,11 +1,13 @@
-"""`search_settings`: what enters the loop nonlinearly, searched for the largest gain around the convex tuner.
+"""`search_settings`: what enters the loop nonlinearly, searched for the largest gain around the
+convex tuner.
 
-For fixed notch, sections and derivative filter the best gains are a convex matter (see `convex`). These settings themselves are
-searched: on a coarse grid around those of the specification, then by Nelder-Mead from the best of them. Every trial is a full
-convex design at a few points, on all plants (of a box, on its corners and on those that are worst for the specification's own
-settings), and counts only if the poles of its sampled loops are stable. The settings are scaled logarithmically; the first trial is
-the specification as it stands, so that the gain is never smaller. What a larger gain does to the motion is not asked here (see
-`hydroctl.searched_tuning`).
+For fixed notch, sections and derivative filter the best gains are a convex matter (see `convex`).
+These settings themselves are searched: on a coarse grid around those of the specification, then by
+Nelder-Mead from the best of them. Every trial is a full convex design at a few points, on all
+plants (of a box, on its corners and on those that are worst for the specification's own settings),
+and counts only if the poles of its sampled loops are stable. The settings are scaled
+logarithmically; the first trial is the specification as it stands, so that the gain is never
+smaller. What a larger gain does to the motion is not asked here (see `hydroctl.searched_tuning`).
 """
 
 from __future__ import annotations
@@ -18,9 +20,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import InfeasibleError, InputError
-from ..regulators import GAINS, section_count
-from ..schedule import GainSchedule
-from ..specification import counted_changes
+from ..machine.variants import counted_changes
+from ..regulator.structures import GAINS, section_count
+from ..schedule.schedule import GainSchedule
 from .refinement import Problem, rough_gains
 from .synthesis import schedule_for, scheduled, worst_plants
 from .task import Task
@@ -43,24 +45,31 @@ _REPRESENTATIVE = (0.0, 0.5, 1.0)
 
 @dataclass(frozen=True, eq=False)
 class SearchedSettings:
-    """The schedule with the settings of the largest gain that were found, and that with the specification's own."""
+    """The schedule with the settings of the largest gain that were found, and that with the
+    specification's own."""
 
     schedule: GainSchedule
     specified: GainSchedule
     """with the specification's own settings"""
     settings: dict[str, float]
-    """notch_ratio (notch frequency over natural frequency), zz, zp, Tf in s, zero and pole of the first section: those searched"""
+    """notch_ratio (notch frequency over natural frequency), zz, zp, Tf in s, zero and pole of the
+    first section: those searched"""
     gain_ratio: float
-    """the gain that `tune` maximizes, over that with the specification's own settings (geometric mean over the points)"""
+    """the gain that `tune` maximizes, over that with the specification's own settings (geometric
+    mean over the points)"""
     trials: tuple[tuple[dict[str, float], float], ...]
-    """(settings, gain over the specification's own at a few points) of every trial; 0 where no stable design was found"""
+    """(settings, gain over the specification's own at a few points) of every trial; 0 where no
+    stable design was found"""
 
 
 def search_settings(task: Task) -> SearchedSettings:
-    """The settings that the structure of `task` has, searched for the largest gain. Raises InputError where it has none."""
+    """The settings that the structure of `task` has, searched for the largest gain. Raises
+    InputError where it has none."""
     own = _settings(task)
     if not own:
-        raise InputError(f"structure {task.structure!r} has neither notch nor section nor derivative to be searched for; use tune.")
+        raise InputError(
+            f"structure {task.structure!r} has neither notch nor section nor derivative to be searched for; use tune."
+        )
     few = task.part(_spread(task.x.size), _spread(task.y.size))
     few = few.with_plants(_tried_plants(few))
     trials: list[tuple[dict[str, float], float]] = []
@@ -71,7 +80,11 @@ def search_settings(task: Task) -> SearchedSettings:
         trials.append((settings, found))
         return found
 
-    highest = _BELOW_NYQUIST * np.pi / (task.specification.sample_time * task.plants.resonance[0, ..., 0].max())
+    highest = (
+        _BELOW_NYQUIST
+        * np.pi
+        / (task.specification.sample_time * task.plants.resonance[0, ..., 0].max())
+    )
     best = _best_settings(own, highest, score)
     schedule, specified = schedule_for(_with(task, best)), schedule_for(task)
     ratio = _mean(task, schedule) / _mean(task, specified)
@@ -81,18 +94,24 @@ def search_settings(task: Task) -> SearchedSettings:
 
 
 def _tried_plants(task: Task) -> tuple[Mapping[str, float], ...]:
-    """What further plants of the task's box differ by on which settings are tried: the corners, so that none is worst for the
-    specification's own settings alone, and those that are worst for these; none without a box."""
+    """What further plants of the task's box differ by on which settings are tried: the corners, so
+    that none is worst for the specification's own settings alone, and those that are worst for
+    these; none without a box."""
     corners = counted_changes(task.actuator, task.specification.uncertainty)
     others = [*corners, *worst_plants(task, scheduled)]
-    return tuple(change for k, change in enumerate(others) if change not in [*task.changes, *others[:k]])
+    return tuple(
+        change for k, change in enumerate(others) if change not in [*task.changes, *others[:k]]
+    )
 
 
 def _settings(task: Task) -> dict[str, float]:
     """The settings of the specification that the structure uses."""
     specification, found = task.specification, {}
     if "notch" in task.structure:
-        found |= {"notch_ratio": specification.notch_ratio, **dict(zip(("zz", "zp"), specification.notch_damping, strict=True))}
+        found |= {
+            "notch_ratio": specification.notch_ratio,
+            **dict(zip(("zz", "zp"), specification.notch_damping, strict=True)),
+        }
     if section_count(task.structure):
         found |= dict(zip(("zero", "pole"), specification.lead_lag[0], strict=True))
     if "kd" in [GAINS[i] for i in task.used]:
@@ -118,7 +137,8 @@ def _spread(size: int) -> np.ndarray:
 
 
 def _gain(task: Task) -> float:
-    """The gain that the tuner maximizes: geometric mean over the points, each on its own; 0 where a loop is not stable."""
+    """The gain that the tuner maximizes: geometric mean over the points, each on its own; 0 where a
+    loop is not stable."""
     problem = Problem.pointwise(task)
     try:
         gains = rough_gains(problem)
@@ -135,12 +155,15 @@ def _mean(task: Task, schedule: GainSchedule) -> float:
 
 
 def _best_settings(own: dict[str, float], highest_ratio: float, score) -> dict[str, float]:
-    """The settings with the largest score: the grid first, then Nelder-Mead from its best, both within the bounds."""
+    """The settings with the largest score: the grid first, then Nelder-Mead from its best, both
+    within the bounds."""
     from scipy.optimize import minimize
 
     names = list(own)
     unit = {name: own["Tf"] if name == "Tf" else 1.0 for name in names}
-    bounds = _BOUNDS | {"notch_ratio": (_BOUNDS["notch_ratio"][0], min(_BOUNDS["notch_ratio"][1], highest_ratio))}
+    bounds = _BOUNDS | {
+        "notch_ratio": (_BOUNDS["notch_ratio"][0], min(_BOUNDS["notch_ratio"][1], highest_ratio))
+    }
     low, high = (np.log([unit[name] * bounds[name][side] for name in names]) for side in (0, 1))
 
     def loss(logs) -> float:
@@ -150,14 +173,21 @@ def _best_settings(own: dict[str, float], highest_ratio: float, score) -> dict[s
         return -score(settings)
 
     start = np.log(list(own.values()))
-    grid = [np.clip(start + np.log(steps), low, high) for steps in itertools.product(_GRID, repeat=len(names))]
+    grid = [
+        np.clip(start + np.log(steps), low, high)
+        for steps in itertools.product(_GRID, repeat=len(names))
+    ]
     first = [start, *_thinned(grid)]
     losses = [loss(logs) for logs in first]
     best = first[int(np.argmin(losses))]
     simplex = np.clip(np.vstack([best, best + 0.2 * np.eye(len(names))]), low, high)
     options = {"initial_simplex": simplex, "maxfev": _TRIALS, "xatol": 0.02, "fatol": 2e-3}
-    found = minimize(loss, best, method="Nelder-Mead", bounds=list(zip(low, high, strict=True)), options=options)
-    return dict(zip(names, map(float, np.exp(found.x if found.fun <= min(losses) else best)), strict=True))
+    found = minimize(
+        loss, best, method="Nelder-Mead", bounds=list(zip(low, high, strict=True)), options=options
+    )
+    return dict(
+        zip(names, map(float, np.exp(found.x if found.fun <= min(losses) else best)), strict=True)
+    )
 
 
 def _thinned(grid: list) -> list:

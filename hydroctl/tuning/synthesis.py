@@ -6,16 +6,19 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from ..actuator import Actuator
 from ..digits import apart
 from ..errors import InfeasibleError, InputError
-from ..margins import Loop, analyse, peaks
-from ..operating_point import find_operating_points
-from ..regulators import Regulators
-from ..schedule import GainSchedule, design_pressure_drops, with_midpoints
-from ..specification import Specification, box_of
+from ..loop.allowances import between_points
+from ..loop.design_plants import design_pressure_drops, with_midpoints
+from ..loop.margins import Loop, analyse, peaks
+from ..machine.actuator import Actuator
+from ..machine.variants import box_of
+from ..model.operating_point import find_operating_points
+from ..regulator.structures import Regulators
+from ..schedule.schedule import GainSchedule
+from ..specification import Specification
 from .box import search_box, search_design_points
-from .limits import between_points, limits_of, phrase
+from .limits import limits_of, phrase
 from .nodes import choose_nodes, mixing_matrix
 from .refinement import Problem, broken, exact_gains, rough_gains
 from .task import Task, task_of
@@ -23,7 +26,8 @@ from .task import Task, task_of
 _WINDUP_SHARE, _LEAST_WINDUP_SAMPLES = 0.25, 10
 _DENSER = 9
 _DENSE = 0.5
-"""share of what is allowed between the points, beyond which they become denser; the rest is left to other plants"""
+"""share of what is allowed between the points, beyond which they become denser; the rest is left to
+other plants"""
 _SEARCHES = 12
 _FEW = 4
 _NEAR = 0.02
@@ -32,17 +36,27 @@ _LOW_FLOW = 0.1
 
 
 def tune(
-    actuator: Actuator, x, y, *, loop: str = "velocity", structure: str = "pi", specification: Specification | None = None
+    actuator: Actuator,
+    x,
+    y,
+    *,
+    loop: str = "velocity",
+    structure: str = "pi",
+    specification: Specification | None = None,
 ) -> GainSchedule:
-    """The gain schedule that keeps every limit at all points x (nx,) by y (ny,) in m, on all plants of the specification.
+    """The gain schedule that keeps every limit at all points x (nx,) by y (ny,) in m, on all plants
+    of the specification.
 
-    Each point on its own would allow a largest integral gain (for "p" a largest kp). The nodes are the fewest of the points (of
-    every second one, where there are many) between which these gains interpolate to 0.3 %; the gains at the nodes are then found
-    together, so that the interpolated ones keep the limits at every point. Half-way between the points Ms, Mt and a phase margin
-    (rad) may miss their limits by 0.02, a gain margin by 2 %; where they miss more, these places become points too.
+    Each point on its own would allow a largest integral gain (for "p" a largest kp). The nodes are
+    the fewest of the points (of every second one, where there are many) between which these gains
+    interpolate to 0.3 %; the gains at the nodes are then found together, so that the interpolated
+    ones keep the limits at every point. Half-way between the points Ms, Mt and a phase margin (rad)
+    may miss their limits by 0.02, a gain margin by 2 %; where they miss more, these places become
+    points too.
 
-    x must not hold 0 (see `GainSchedule`). Raises InputError for points that no linear model can describe, InfeasibleError
-    where no gain meets the limits, or their largest crossover is below `min_crossover`.
+    x must not hold 0 (see `GainSchedule`). Raises InputError for points that no linear model can
+    describe, InfeasibleError where no gain meets the limits, or their largest crossover is below
+    `min_crossover`.
     """
     return schedule_for(task_of(actuator, x, y, loop, structure, specification))
 
@@ -52,18 +66,26 @@ def schedule_for(task: Task) -> GainSchedule:
     return on_the_whole_box(task, _dense_schedule, scheduled)
 
 
-def on_the_whole_box(task: Task, make: Callable[[Task], GainSchedule], make_few: Callable[[Task], GainSchedule]) -> GainSchedule:
-    """What `make` designs for the task and for the plants of its box on which it is worst: those that a search finds of the
-    designs of `make_few` at a few points, then of those of `make`, until there is none that is worse than the ones it counts."""
+def on_the_whole_box(
+    task: Task, make: Callable[[Task], GainSchedule], make_few: Callable[[Task], GainSchedule]
+) -> GainSchedule:
+    """What `make` designs for the task and for the plants of its box on which it is worst: those
+    that a search finds of the designs of `make_few` at a few points, then of those of `make`, until
+    there is none that is worse than the ones it counts."""
     if not box_of(task.actuator, task.specification.uncertainty):
         return make(task)
     few = task.part(_few(task.x), _few(task.y))
-    schedule, _ = _until_none_is_worse(task.with_plants(worst_plants(few, make_few)), make, search_box)
+    schedule, _ = _until_none_is_worse(
+        task.with_plants(worst_plants(few, make_few)), make, search_box
+    )
     return schedule
 
 
-def worst_plants(task: Task, make: Callable[[Task], GainSchedule]) -> tuple[Mapping[str, float], ...]:
-    """What those plants of the task's box differ by on which designs of `make` are worst at its points; none without a box."""
+def worst_plants(
+    task: Task, make: Callable[[Task], GainSchedule]
+) -> tuple[Mapping[str, float], ...]:
+    """What those plants of the task's box differ by on which designs of `make` are worst at its
+    points; none without a box."""
     if not box_of(task.actuator, task.specification.uncertainty):
         return ()
     return _binding_plants(*_until_none_is_worse(task, make, search_design_points))
@@ -81,23 +103,35 @@ def _until_none_is_worse(task: Task, make, search) -> tuple[GainSchedule, Task]:
 
 
 def _binding_plants(schedule: GainSchedule, task: Task) -> tuple[Mapping[str, float], ...]:
-    """What those plants of the task differ by on which `schedule` comes near a limit of Ms or Mt at a design point."""
-    loops = Loop(task.plants, schedule.gains(task.x[:, None], task.y).broadcast_to(task.plants.shape))
+    """What those plants of the task differ by on which `schedule` comes near a limit of Ms or Mt at
+    a design point."""
+    loops = Loop(
+        task.plants, schedule.gains(task.x[:, None], task.y).broadcast_to(task.plants.shape)
+    )
     found = analyse(loops)
-    near = (found.Ms > schedule.specification.Ms - _NEAR) | (found.Mt > schedule.specification.Mt - _NEAR)
-    return tuple(change for change, plant in zip(task.changes, near[1:], strict=True) if plant.any())
+    near = (found.Ms > schedule.specification.Ms - _NEAR) | (
+        found.Mt > schedule.specification.Mt - _NEAR
+    )
+    return tuple(
+        change for change, plant in zip(task.changes, near[1:], strict=True) if plant.any()
+    )
 
 
 def _few(nodes: np.ndarray) -> np.ndarray:
     """Indices of at most `_FEW` of the nodes of each side of 0, the outermost among them."""
     first = int(np.searchsorted(nodes, 0.0))
     sides = (np.arange(first), np.arange(first, nodes.size))
-    spread = (side[np.linspace(0, side.size - 1, min(_FEW, side.size)).round().astype(int)] for side in sides if side.size)
+    spread = (
+        side[np.linspace(0, side.size - 1, min(_FEW, side.size)).round().astype(int)]
+        for side in sides
+        if side.size
+    )
     return np.concatenate(list(spread))
 
 
 def _dense_schedule(task: Task) -> GainSchedule:
-    """The schedule that keeps every limit at the points of `task`, and at those half-way between them that it needs."""
+    """The schedule that keeps every limit at the points of `task`, and at those half-way between
+    them that it needs."""
     schedule = scheduled(task)
     for _ in range(_DENSER):
         x, y = _needed_points(task, schedule)
@@ -113,21 +147,28 @@ def scheduled(task: Task) -> GainSchedule:
     alone = rough_gains(Problem.pointwise(task))
     best = alone[:, task.objective].reshape(task.notch_frequency.shape)
     rows, columns = choose_nodes(task.x, task.y, best)
-    nodes, at_nodes = (task.x[rows], task.y[columns]), np.ravel_multi_index(np.ix_(rows, columns), best.shape)
+    nodes, at_nodes = (
+        (task.x[rows], task.y[columns]),
+        np.ravel_multi_index(np.ix_(rows, columns), best.shape),
+    )
     frequency = task.notch_frequency.ravel()[at_nodes]
     mix = mixing_matrix(*nodes, task.x, task.y)
     worth = 1.0 / best.ravel()
-    problem = Problem(task, (mix @ frequency.ravel()).reshape(task.notch_frequency.shape), mix, worth)
+    problem = Problem(
+        task, (mix @ frequency.ravel()).reshape(task.notch_frequency.shape), mix, worth
+    )
     gains = exact_gains(problem, alone[at_nodes.ravel()])
     _require_crossover(task, problem.regulators(gains))
     return assemble_schedule(task, nodes, task.regulators(gains, frequency))
 
 
 def _needed_points(task: Task, schedule: GainSchedule) -> tuple[np.ndarray, np.ndarray]:
-    """(x, y): the design points, with those rows and columns half-way between them about which a limit is missed by too much.
+    """(x, y): the design points, with those rows and columns half-way between them about which a
+    limit is missed by too much.
 
-    Along x, where the damping changes by factors within a cell, it is looked for at the quarters, too. Where it is missed at a
-    design opening or position, the other coordinate is the one that lacks points.
+    Along x, where the damping changes by factors within a cell, it is looked for at the quarters,
+    too. Where it is missed at a design opening or position, the other coordinate is the one that
+    lacks points.
     """
     x, y = with_midpoints(schedule.design_x), with_midpoints(schedule.design_y)
     quarters = with_midpoints(x)
@@ -145,20 +186,31 @@ def _needed_points(task: Task, schedule: GainSchedule) -> tuple[np.ndarray, np.n
 
 
 def tune_fixed(
-    actuator: Actuator, x, y, *, loop: str = "velocity", structure: str = "pi", specification: Specification | None = None
+    actuator: Actuator,
+    x,
+    y,
+    *,
+    loop: str = "velocity",
+    structure: str = "pi",
+    specification: Specification | None = None,
 ) -> GainSchedule:
-    """One regulator that holds at all points x by y and on all plants of the specification: a schedule with one node.
+    """One regulator that holds at all points x by y and on all plants of the specification: a
+    schedule with one node.
 
-    This is the robust constant regulator of the source paper's section 5; its notch stands at the middle of the nominal
-    plant's natural frequencies. Arguments and errors as in `tune`.
+    This is the robust constant regulator of the source paper's section 5; its notch stands at the
+    middle of the nominal plant's natural frequencies. Arguments and errors as in `tune`.
     """
-    return on_the_whole_box(task_of(actuator, x, y, loop, structure, specification), _fixed_schedule, _fixed_schedule)
+    return on_the_whole_box(
+        task_of(actuator, x, y, loop, structure, specification), _fixed_schedule, _fixed_schedule
+    )
 
 
 def _fixed_schedule(task: Task) -> GainSchedule:
     middle = np.sqrt(task.notch_frequency.min() * task.notch_frequency.max())
     mix = mixing_matrix(task.x[-1:], task.y[-1:], task.x, task.y)
-    problem = Problem(task, np.full(task.notch_frequency.shape, middle), mix, np.ones(task.notch_frequency.size))
+    problem = Problem(
+        task, np.full(task.notch_frequency.shape, middle), mix, np.ones(task.notch_frequency.size)
+    )
     gains = exact_gains(problem, rough_gains(problem))
     _require_crossover(task, problem.regulators(gains))
     nodes = task.x[-1:], task.y[[len(task.y) // 2]]
@@ -166,11 +218,15 @@ def _fixed_schedule(task: Task) -> GainSchedule:
 
 
 def _require_crossover(task: Task, regulators: Regulators) -> None:
-    """InfeasibleError where the crossover of `regulators` (nx, ny) is below `min_crossover`, with the limit nearest to binding."""
+    """InfeasibleError where the crossover of `regulators` (nx, ny) is below `min_crossover`, with
+    the limit nearest to binding."""
     least = task.specification.min_crossover
     if least is None:
         return
-    limits, loops = limits_of(task.specification), Loop(task.plants, regulators.broadcast_to(task.plants.shape))
+    limits, loops = (
+        limits_of(task.specification),
+        Loop(task.plants, regulators.broadcast_to(task.plants.shape)),
+    )
     crossover = analyse(loops).crossover
     if crossover.min() >= least:
         return
@@ -186,7 +242,8 @@ def _require_crossover(task: Task, regulators: Regulators) -> None:
 
 
 def assemble_schedule(task: Task, nodes, regulators: Regulators) -> GainSchedule:
-    """The schedule of `regulators` at `nodes` (x, y). InputError where the set-point weight would make it oscillate."""
+    """The schedule of `regulators` at `nodes` (x, y). InputError where the set-point weight would
+    make it oscillate."""
     b = task.specification.set_point_weight
     if task.loop == "position" and b != 1.0 and np.ptp(regulators.kp, axis=0).any():
         raise InputError(
@@ -212,28 +269,37 @@ def assemble_schedule(task: Task, nodes, regulators: Regulators) -> GainSchedule
         sections=regulators.sections,
         Tt=_anti_windup_time(regulators.kp, regulators.ki, task.specification.sample_time),
         feed_forward=task.loop == "position",
-        pressure_drops=design_pressure_drops(task.actuator, task.x) if task.specification.pressure_compensation else None,
+        pressure_drops=design_pressure_drops(task.actuator, task.x)
+        if task.specification.pressure_compensation
+        else None,
         **_speed_gains(task.actuator),
     )
 
 
 def _anti_windup_time(kp, ki, sample_time: float) -> float:
-    """Tt in s: a quarter of the regulator's own integral time (median over the nodes), at least ten samples.
+    """Tt in s: a quarter of the regulator's own integral time (median over the nodes), at least ten
+    samples.
 
-    With the whole integral time the integral is still full when a large step comes near its end, and overshoots.
+    With the whole integral time the integral is still full when a large step comes near its end,
+    and overshoots.
     """
     times = _WINDUP_SHARE * kp[ki > 0.0] / ki[ki > 0.0]
     return float(max(np.median(times) if times.size else 0.0, _LEAST_WINDUP_SAMPLES * sample_time))
 
 
 def _speed_gains(actuator: Actuator) -> dict[str, float]:
-    """Feed-forward per direction: the straight line v = gain (x - offset) through the operating points at a tenth of the flow
-    and at full flow. InputError where the load or the leakage leaves one of them without a motion."""
+    """Feed-forward per direction: the straight line v = gain (x - offset) through the operating
+    points at a tenth of the flow and at full flow. InputError where the load or the leakage leaves
+    one of them without a motion."""
     low = actuator.dead_band + _LOW_FLOW * (1.0 - actuator.dead_band)
-    points = find_operating_points(actuator, np.array([-1.0, -low, low, 1.0]), actuator.stroke / 2.0)
+    points = find_operating_points(
+        actuator, np.array([-1.0, -low, low, 1.0]), actuator.stroke / 2.0
+    )
     if not points.feasible.all():
         reason = points.reason[~points.feasible][0]
-        raise InputError(f"the feed-forward needs motion at full and at a tenth of the flow, either way: {reason}")
+        raise InputError(
+            f"the feed-forward needs motion at full and at a tenth of the flow, either way: {reason}"
+        )
     x, v = points.x, points.v
     gain_retract, gain_extend = (v[1] - v[0]) / (x[1] - x[0]), (v[3] - v[2]) / (x[3] - x[2])
     return {

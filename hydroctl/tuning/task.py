@@ -1,4 +1,5 @@
-"""What is to be tuned: plants, points, structure and limits, and what each gain contributes to every loop."""
+"""What is to be tuned: plants, points, structure and limits, and what each gain contributes to
+every loop."""
 
 from __future__ import annotations
 
@@ -7,13 +8,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..actuator import Actuator
 from ..digits import apart
 from ..errors import InputError, unknown_name
-from ..frequency import LOOPS, SampledFamily
-from ..regulators import GAINS, STRUCTURES, Regulators, section_count
-from ..schedule import sampled, sampled_plants
-from ..specification import Specification, box_of, changed_plants, counted_changes
+from ..loop.design_plants import sampled, sampled_plants
+from ..loop.sampled_plant import LOOPS, SampledFamily
+from ..machine.actuator import Actuator
+from ..machine.variants import box_of, changed_plants, counted_changes
+from ..regulator.structures import GAINS, STRUCTURES, Regulators, section_count
+from ..specification import Specification
 from .convex import Bounds
 
 _SMALLEST_FLOW = 0.02
@@ -27,21 +29,28 @@ _NOTCH_REACH = 1.22
 
 
 def default_points(actuator: Actuator) -> tuple[np.ndarray, np.ndarray]:
-    """(x, y) design points: five openings a side, from the smallest at which a linear model is used, and 9 to 25 positions.
+    """(x, y) design points: five openings a side, from the smallest at which a linear model is
+    used, and 9 to 25 positions.
 
-    The smallest opening lets 2 % of the full flow pass; a dead band adds to it. From one position to the next the ratio of the
-    chamber volumes changes by the same factor, because the stiffness of the oil follows it.
+    The smallest opening lets 2 % of the full flow pass; a dead band adds to it. From one position
+    to the next the ratio of the chamber volumes changes by the same factor, because the stiffness
+    of the oil follows it.
     """
     openings = actuator.dead_band + _OPENINGS * (1.0 - actuator.dead_band)
     y = np.linspace(0.0, actuator.stroke, _FINE)
-    ratio = np.log((actuator.volume_a + actuator.area_a * y) / (actuator.volume_b - actuator.area_b * y))
+    ratio = np.log(
+        (actuator.volume_a + actuator.area_a * y) / (actuator.volume_b - actuator.area_b * y)
+    )
     count = int(np.clip(np.ceil((ratio[-1] - ratio[0]) / _RATIO_STEP) + 1, *_POSITIONS))
-    return np.concatenate([-openings[::-1], openings]), np.interp(np.linspace(ratio[0], ratio[-1], count), ratio, y)
+    return np.concatenate([-openings[::-1], openings]), np.interp(
+        np.linspace(ratio[0], ratio[-1], count), ratio, y
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What is to be tuned: the sampled plants (variants, nx, ny) at the points x by y, and for what."""
+    """What is to be tuned: the sampled plants (variants, nx, ny) at the points x by y, and for
+    what."""
 
     actuator: Actuator
     specification: Specification
@@ -50,14 +59,16 @@ class Task:
     x: np.ndarray
     y: np.ndarray
     changes: tuple[Mapping[str, float], ...]
-    """what the plants beside the nominal one differ by, {parameter: value in SI} each: those that are counted; of a box, those
-    that a search has found so far"""
+    """what the plants beside the nominal one differ by, {parameter: value in SI} each: those that
+    are counted; of a box, those that a search has found so far"""
     labels: tuple[str, ...]
     plants: SampledFamily
 
     def part(self, rows, columns) -> Task:
         """The same task at some of the points."""
-        flat = np.ravel_multi_index(np.ix_(range(self.plants.shape[0]), rows, columns), self.plants.shape)
+        flat = np.ravel_multi_index(
+            np.ix_(range(self.plants.shape[0]), rows, columns), self.plants.shape
+        )
         plants = self.plants.take(flat.ravel()).reshape(*flat.shape)
         return replace(self, x=self.x[rows], y=self.y[columns], plants=plants)
 
@@ -69,14 +80,19 @@ class Task:
     def with_plants(self, changes: tuple[Mapping[str, float], ...]) -> Task:
         """The same task on further plants, {parameter: value in SI} each."""
         changes = (*self.changes, *changes)
-        labels, plants = _modelled(self.actuator, self.specification, changes, self.x, self.y, self.loop)
+        labels, plants = _modelled(
+            self.actuator, self.specification, changes, self.x, self.y, self.loop
+        )
         return replace(self, changes=changes, labels=labels, plants=plants)
 
     @property
     def searched_specification(self) -> Specification:
         """The specification, with the plants that were found in its box."""
         counted = counted_changes(self.actuator, self.specification.uncertainty)
-        return replace(self.specification, added_plants=tuple(change for change in self.changes if change not in counted))
+        return replace(
+            self.specification,
+            added_plants=tuple(change for change in self.changes if change not in counted),
+        )
 
     def place(self, k: int, i: int, j: int) -> str:
         """The words for plant k at point (i, j)."""
@@ -84,7 +100,8 @@ class Task:
 
     @property
     def notch_frequency(self) -> np.ndarray:
-        """(nx, ny) rad/s: where notch and sections stand, in proportion to the natural frequency of the nominal plant."""
+        """(nx, ny) rad/s: where notch and sections stand, in proportion to the natural frequency of
+        the nominal plant."""
         return (self.specification.notch_ratio or 1.0) * self.plants.resonance[0, ..., 0]
 
     @property
@@ -99,7 +116,8 @@ class Task:
 
     @property
     def first(self) -> int:
-        """The gain that the tuner starts from, among those used: in a velocity loop the objective, in a position loop kp."""
+        """The gain that the tuner starts from, among those used: in a velocity loop the objective,
+        in a position loop kp."""
         return self.objective if self.loop == "velocity" else 0
 
     def regulators(self, gains: np.ndarray, notch_frequency: np.ndarray) -> Regulators:
@@ -108,12 +126,20 @@ class Task:
         table[self.used] = gains.T.reshape(-1, *notch_frequency.shape)
         zz, zp = self.specification.notch_damping if "notch" in self.structure else (1.0, 1.0)
         sections = self.specification.lead_lag[: section_count(self.structure)]
-        Ts, Tf, Tm = self.specification.sample_time, self.specification.Tf, self.specification.measurement_filter
+        Ts, Tf, Tm = (
+            self.specification.sample_time,
+            self.specification.Tf,
+            self.specification.measurement_filter,
+        )
         return Regulators(Ts, *table, notch_frequency, Tf, zz, zp, sections, Tm)
 
     def terms(self, notch_frequency: np.ndarray, omega: np.ndarray) -> np.ndarray:
-        """(points, variants * n, t): what each gain contributes to the loop gain at omega (variants, nx, ny, n)."""
-        terms = self._notch(notch_frequency).terms(omega)[..., self.used] * self.plants.frequency_response(omega)[..., None]
+        """(points, variants * n, t): what each gain contributes to the loop gain at omega
+        (variants, nx, ny, n)."""
+        terms = (
+            self._notch(notch_frequency).terms(omega)[..., self.used]
+            * self.plants.frequency_response(omega)[..., None]
+        )
         return np.stack([self.by_point(terms[..., t]) for t in range(len(self.used))], axis=-1)
 
     def by_point(self, values: np.ndarray) -> np.ndarray:
@@ -122,9 +148,14 @@ class Task:
         return values.transpose(1, 2, 0, 3).reshape(nx * ny, variants * n)
 
     def bounds(self, notch_frequency: np.ndarray) -> Bounds:
-        """|C| at the Nyquist frequency, where every term is real, as two bounds on the gains of each point; none if unlimited."""
+        """|C| at the Nyquist frequency, where every term is real, as two bounds on the gains of
+        each point; none if unlimited."""
         limit = self.specification.high_frequency_gain
-        terms = self._notch(notch_frequency).terms([np.pi / self.specification.sample_time])[..., 0, self.used].real
+        terms = (
+            self._notch(notch_frequency)
+            .terms([np.pi / self.specification.sample_time])[..., 0, self.used]
+            .real
+        )
         terms = terms.reshape(-1, 1, len(self.used))
         rows = terms[:, :0] if limit is None else np.concatenate([terms, -terms], axis=1)
         return Bounds(rows, np.full(rows.shape[:2], limit, dtype=float))
@@ -133,23 +164,35 @@ class Task:
         return self.regulators(np.zeros((notch_frequency.size, len(self.used))), notch_frequency)
 
 
-def task_of(actuator: Actuator, x, y, loop: str, structure: str, specification: Specification | None) -> Task:
+def task_of(
+    actuator: Actuator, x, y, loop: str, structure: str, specification: Specification | None
+) -> Task:
     """The task with its arguments checked: errors as in `tune`."""
     specification = Specification() if specification is None else specification
-    faults = [fault for name, values in (("x", x), ("y", y)) if (fault := _points_fault(name, values))]
+    faults = [
+        fault for name, values in (("x", x), ("y", y)) if (fault := _points_fault(name, values))
+    ]
     faults += [] if structure in STRUCTURES else [unknown_name("structure", structure, STRUCTURES)]
     faults += [] if loop in LOOPS else [unknown_name("loop", loop, LOOPS)]
     if faults:
         raise InputError(faults)
     x, y = (np.atleast_1d(np.asarray(values, dtype=float)) for values in (x, y))
-    counted = [] if box_of(actuator, specification.uncertainty) else counted_changes(actuator, specification.uncertainty)
+    counted = (
+        []
+        if box_of(actuator, specification.uncertainty)
+        else counted_changes(actuator, specification.uncertainty)
+    )
     changes = (*counted, *specification.added_plants)
     labels, plants = _modelled(actuator, specification, changes, x, y, loop)
     if "notch" in structure:
-        specification = _notch_settled(specification, loop, sampled_plants(actuator, x, y, loop, specification)[1])
+        specification = _notch_settled(
+            specification, loop, sampled_plants(actuator, x, y, loop, specification)[1]
+        )
     task = Task(actuator, specification, loop, structure, x, y, changes, labels, plants)
     highest = task.notch_frequency.max()
-    if ("notch" in structure or section_count(structure)) and highest >= np.pi / specification.sample_time:
+    if (
+        "notch" in structure or section_count(structure)
+    ) and highest >= np.pi / specification.sample_time:
         given, needed = apart(specification.sample_time, np.pi / highest, digits=3)
         raise InputError(
             f"sample_time = {given} s: a notch or lead at {highest:.4g} rad/s, where the plant's "
@@ -159,22 +202,33 @@ def task_of(actuator: Actuator, x, y, loop: str, structure: str, specification: 
 
 
 def _modelled(actuator: Actuator, specification: Specification, changes, x, y, loop: str):
-    """(labels, sampled models over (plants, x, y)) of the nominal plant and those that differ by `changes`."""
-    plants = changed_plants(actuator, specification, changes)
+    """(labels, sampled models over (plants, x, y)) of the nominal plant and those that differ by
+    `changes`."""
+    plants = changed_plants(actuator, specification.uncertainty, changes)
     return tuple(plants), sampled(plants, x, y, loop, specification)
 
 
 def _notch_settled(specification: Specification, loop: str, plants: SampledFamily) -> Specification:
-    """`specification` with what it leaves open of the notch; `plants` are all that it counts, and the corners of its box.
+    """`specification` with what it leaves open of the notch; `plants` are all that it counts, and
+    the corners of its box.
 
-    A notch above the natural frequency of a plant turns the phase of its resonance towards -180 degrees: it must not stand far
-    above that of the softest and heaviest one, where the gain is largest, too.
+    A notch above the natural frequency of a plant turns the phase of its resonance towards -180
+    degrees: it must not stand far above that of the softest and heaviest one, where the gain is
+    largest, too.
     """
     ratio, resonance = specification.notch_ratio, plants.resonance[..., 0]
     if ratio is None:
-        reach = _NOTCH_REACH * float((resonance / resonance[0]).min()) if specification.notch_damping is None else 1.0
+        reach = (
+            _NOTCH_REACH * float((resonance / resonance[0]).min())
+            if specification.notch_damping is None
+            else 1.0
+        )
         ratio = min(1.0, reach)
-    return replace(specification, notch_damping=specification.notch_damping or _NOTCH_DAMPING[loop], notch_ratio=ratio)
+    return replace(
+        specification,
+        notch_damping=specification.notch_damping or _NOTCH_DAMPING[loop],
+        notch_ratio=ratio,
+    )
 
 
 def _points_fault(name: str, values) -> str | None:
@@ -182,7 +236,12 @@ def _points_fault(name: str, values) -> str | None:
         points = np.atleast_1d(np.asarray(values, dtype=float))
     except (TypeError, ValueError):
         points = np.array([])
-    if points.ndim != 1 or points.size == 0 or not np.isfinite(points).all() or (np.diff(points) <= 0.0).any():
+    if (
+        points.ndim != 1
+        or points.size == 0
+        or not np.isfinite(points).all()
+        or (np.diff(points) <= 0.0).any()
+    ):
         return f"{name} nodes = {values!r} must be one ascending row of finite numbers."
     if name == "x" and (points == 0.0).any():
         return "x = 0 cannot be a node, because the plant has no derivative there; use a small opening of either sign."

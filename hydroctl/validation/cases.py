@@ -1,7 +1,8 @@
 """The cases of a campaign: what each has of its own, and its metrics.
 
-Case i runs scenario (i // 32) modulo their number, with its own bulk modulus, mass, supply pressure, viscous friction and load,
-drawn from one stream of random numbers at a place that only i decides.
+Case i runs scenario (i // 32) modulo their number, with its own bulk modulus, mass, supply
+pressure, viscous friction and load, drawn from one stream of random numbers at a place that only i
+decides.
 """
 
 from __future__ import annotations
@@ -13,25 +14,26 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from .. import plant
-from ..actuator import Actuator
 from ..errors import InputError, unknown_name
-from ..operating_point import stall_force
+from ..machine.actuator import Actuator
+from ..machine.variants import VARIATIONS
+from ..model import plant
+from ..model.operating_point import stall_force
+from ..regulator.law import Regulator
+from ..regulator.prepared import regulator_of
 from ..simulation import Scenario
-from ..simulation.law import Regulator
 from ..simulation.modes import substeps as needed_substeps
-from ..simulation.regulator import regulator_of
 from ..simulation.scenario import require_fit
 from ..simulation.trajectory import rest_pressures
-from ..specification import VARIATIONS
 from .metrics import Metrics, last_step
 from .scenarios import step_scenarios
 
 if TYPE_CHECKING:
-    from ..schedule import GainSchedule
+    from ..schedule.schedule import GainSchedule
 
 SPREAD = VARIATIONS | {"viscous_friction": 0.5, "load_force": 0.1}
-"""Relative half-widths of the uniform distributions; of the load, in parts of the smaller stall force at the lowest supply."""
+"""Relative half-widths of the uniform distributions; of the load, in parts of the smaller stall
+force at the lowest supply."""
 METRICS = tuple(field.name for field in fields(Metrics))
 CASE_BITS = 32
 
@@ -70,7 +72,11 @@ def make_task(
     given = {"count": (count, 1), "seed": (seed, 0), "chunk_size": (chunk_size, 1)}
     if substeps is not None:
         given["substeps"] = substeps, 1
-    faults += [fault for name, (value, least) in given.items() if (fault := whole_number_fault(name, value, least, CASE_BITS))]
+    faults += [
+        fault
+        for name, (value, least) in given.items()
+        if (fault := whole_number_fault(name, value, least, CASE_BITS))
+    ]
     if not scenarios:
         faults.append("scenarios is empty; give at least one, or leave it out for the library's.")
     if faults:
@@ -83,7 +89,14 @@ def make_task(
         mass=actuator.mass * (1.0 - spread["mass"]),
         supply_pressure=actuator.supply_pressure * (1.0 + spread["supply_pressure"]),
     )
-    return Task(actuator, regulator_of(schedule), scenarios, spread, seed, substeps or needed_substeps(stiffest, schedule.Ts))
+    return Task(
+        actuator,
+        regulator_of(schedule.regulator),
+        scenarios,
+        spread,
+        seed,
+        substeps or needed_substeps(stiffest, schedule.Ts),
+    )
 
 
 def whole_number_fault(name: str, value, least: int, bits: int) -> str | None:
@@ -95,27 +108,31 @@ def whole_number_fault(name: str, value, least: int, bits: int) -> str | None:
 
 def scenario_of(task: Task, cases):
     """Which of the scenarios each case runs."""
-    from ..simulation.lanes import LANES
+    from ..simulation.kernels.lanes import LANES
 
     return np.asarray(cases) // LANES % len(task.scenarios)
 
 
 def draw(task: Task, start: int, stop: int) -> np.ndarray:
-    """(5, n): the parameters that cases start ... stop - 1 have of their own, in the order of SPREAD."""
+    """(5, n): the parameters that cases start ... stop - 1 have of their own, in the order of
+    SPREAD."""
     stream = np.random.PCG64(task.seed).advance(start * len(SPREAD))
     signed = 2.0 * np.random.Generator(stream).random((stop - start, len(SPREAD))).T - 1.0
     a = task.actuator
     weakest = a.replace(supply_pressure=a.supply_pressure * (1.0 - task.spread["supply_pressure"]))
     stall = float(np.abs(stall_force(weakest, np.array([1.0, -1.0]))).min())
     rows = [
-        getattr(a, name) * (1.0 + task.spread[name] * row) if name != "load_force" else task.spread[name] * stall * row
+        getattr(a, name) * (1.0 + task.spread[name] * row)
+        if name != "load_force"
+        else task.spread[name] * stall * row
         for name, row in zip(SPREAD, signed, strict=True)
     ]
     return np.array(rows)
 
 
 def run_chunk(task: Task, start: int, stop: int) -> np.ndarray:
-    """(len(METRICS), n): the metrics of cases start ... stop - 1; NaN in every row of a case that failed."""
+    """(len(METRICS), n): the metrics of cases start ... stop - 1; NaN in every row of a case that
+    failed."""
     drawn, chosen = draw(task, start, stop), scenario_of(task, np.arange(start, stop))
     out = np.empty((len(METRICS), stop - start))
     for index, scenario in enumerate(task.scenarios):
@@ -126,8 +143,8 @@ def run_chunk(task: Task, start: int, stop: int) -> np.ndarray:
 
 
 def _run_scenario(task: Task, scenario: Scenario, drawn: np.ndarray) -> np.ndarray:
-    from ..simulation.compiled import loop_for
-    from ..simulation.lanes import LANES, ROWS, SUMS
+    from ..simulation.kernels.builds import loop_for
+    from ..simulation.kernels.lanes import LANES, ROWS, SUMS
 
     n = drawn.shape[1]
     cases = np.ascontiguousarray(np.pad(drawn, ((0, 0), (0, -n % LANES)), mode="edge"))
@@ -146,21 +163,28 @@ def _run_scenario(task: Task, scenario: Scenario, drawn: np.ndarray) -> np.ndarr
     sums = np.empty((len(SUMS), cases.shape[1]))
     room = np.zeros(ROWS * LANES), np.zeros((task.regulator.delay_samples + 2, LANES))
     signals = (scenario.reference, scenario.v_ref, load, *window, scenario.sensor_signals())
-    loop_for(task.actuator, task.regulator).lanes.run(cases, initial, *signals, task.regulator, p, task.substeps, *room, sums)
+    loop_for(task.actuator, task.regulator).lanes.run(
+        cases, initial, *signals, task.regulator, p, task.substeps, *room, sums
+    )
     return _metrics(task, scenario, window, dict(zip(SUMS, sums[:, :n], strict=True)))
 
 
 def _metrics(task: Task, scenario: Scenario, window, s: dict[str, np.ndarray]) -> np.ndarray:
-    """Rows in the order of METRICS from the kernel's sums; the definitions are those of `measure`."""
+    """Rows in the order of METRICS from the kernel's sums; the definitions are those of
+    `measure`."""
     Ts, n, (first, late, steady) = scenario.Ts, scenario.reference.size, window
     with np.errstate(invalid="ignore", divide="ignore"):
         overshoot = np.maximum(0.0, s["most"] - 1.0)
         values = {
             "rise_time": np.where(np.isinf(s["rise_90"]), np.inf, s["rise_90"] - s["rise_10"]) * Ts,
-            "settling_time": np.where(s["last_outside"] < n - first, s["last_outside"] * Ts, np.inf),
+            "settling_time": np.where(
+                s["last_outside"] < n - first, s["last_outside"] * Ts, np.inf
+            ),
             "overshoot": overshoot,
             "passing": overshoot / np.abs(s["per_step"]),
-            "oscillation": s["late_most"] - s["late_least"] if late < n else np.full_like(overshoot, np.nan),
+            "oscillation": s["late_most"] - s["late_least"]
+            if late < n
+            else np.full_like(overshoot, np.nan),
             "steady_error": 1.0 - s["late_sum"] / max(1, n - steady),
         }
         stepped = np.isfinite(s["per_step"]) & (first < n)
@@ -169,6 +193,8 @@ def _metrics(task: Task, scenario: Scenario, window, s: dict[str, np.ndarray]) -
     values |= {name: s[name] for name in METRICS if name in s} | {"beyond_stroke": beyond}
     rows = np.array([values[name] for name in METRICS])
     a = task.actuator
-    used_up = (a.volume_a + a.area_a * s["least_y"] <= 0.0) | (a.volume_b - a.area_b * s["most_y"] <= 0.0)
+    used_up = (a.volume_a + a.area_a * s["least_y"] <= 0.0) | (
+        a.volume_b - a.area_b * s["most_y"] <= 0.0
+    )
     rows[:, used_up | ~np.isfinite(s["iae"] + s["total_variation"])] = np.nan
     return rows

@@ -1,4 +1,5 @@
-"""`ChunkStore`: finished chunks of a campaign on disk, so that an interrupted one goes on where it stopped."""
+"""`ChunkStore`: finished chunks of a campaign on disk, so that an interrupted one goes on where it
+stopped."""
 
 from __future__ import annotations
 
@@ -14,7 +15,8 @@ from ..files import make_directory, write_file
 
 
 class ChunkStore:
-    """A file for each chunk, and one that says which campaign they belong to. Without a directory it keeps nothing.
+    """A file for each chunk, and one that says which campaign they belong to. Without a directory
+    it keeps nothing.
 
     Raises InputError where the directory holds another campaign or cannot be written.
     """
@@ -51,7 +53,8 @@ class ChunkStore:
 
 
 def _feed(digest, value) -> None:
-    """Add a value to the hash: arrays by their bytes, collections and dataclasses by their parts, the rest as text."""
+    """Add a value to the hash: arrays by their bytes, collections and dataclasses by their parts,
+    the rest as text."""
     if isinstance(value, np.ndarray):
         digest.update(f"{value.dtype}{value.shape}".encode() + value.tobytes())
     elif dataclasses.is_dataclass(value):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..actuator import Actuator
+from ..machine.actuator import Actuator
 from ..simulation.scenario import Scenario
 from ..simulation.trajectory import Trajectory
 
@@ -19,8 +19,9 @@ BAND = 0.02
 class Metrics:
     """What one motion achieved; e = reference - measured, in m/s or m.
 
-    The first six concern the last change of the reference: the step goes from what was measured then to the last reference. They
-    are NaN for a scenario of kind "tracking" and where there is no step.
+    The first six concern the last change of the reference: the step goes from what was measured
+    then to the last reference. They are NaN for a scenario of kind "tracking" and where there is no
+    step.
     """
 
     rise_time: float
@@ -32,7 +33,8 @@ class Metrics:
     passing: float
     """the same in m/s or m"""
     oscillation: float
-    """peak to peak of e once the scenario should have settled (`settle_by`), as a fraction of the step"""
+    """peak to peak of e once the scenario should have settled (`settle_by`), as a fraction of the
+    step"""
     steady_error: float
     """mean of e over the last tenth of the scenario, as a fraction of the step"""
     iae: float
@@ -77,8 +79,9 @@ def measure(actuator: Actuator, scenario: Scenario, trajectory: Trajectory) -> M
 
 
 def last_step(scenario: Scenario) -> tuple[int, int, int]:
-    """(first, late, steady): the samples of the last change of the reference, from where it should have settled, and of the last
-    tenth of the scenario; all at the end for a scenario of kind "tracking".
+    """(first, late, steady): the samples of the last change of the reference, from where it should
+    have settled, and of the last tenth of the scenario; all at the end for a scenario of kind
+    "tracking".
     """
     n = scenario.reference.size
     if scenario.kind == "tracking":

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..actuator import Actuator
 from ..errors import InputError, SimulationError
+from ..machine.actuator import Actuator
 from ..simulation import Scenario, Trajectory, simulate_closed_loop
 from .metrics import Metrics, measure
 from .plants import plants_of
@@ -16,12 +16,13 @@ from .scenarios import step_scenarios
 from .verdict import Requirement, Verdict, default_requirements, judge
 
 if TYPE_CHECKING:
-    from ..schedule import GainSchedule
+    from ..schedule.schedule import GainSchedule
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One scenario on one variant of the plant. A run that failed says why in `reason` and has neither motion nor metrics."""
+    """One scenario on one variant of the plant. A run that failed says why in `reason` and has
+    neither motion nor metrics."""
 
     scenario: Scenario
     variant: str
@@ -54,7 +55,11 @@ class ValidationReport:
         variants = len({run.variant for run in self.runs})
         plants = "1 plant" if variants == 1 else f"{variants} plants"
         head = f"{len(self.runs)} runs of the nonlinear model ({len(self.runs) // variants} scenarios, {plants}): "
-        outcome = "every requirement is met" if self.passed else f"{failed} of {len(self.verdicts)} requirements are not met"
+        outcome = (
+            "every requirement is met"
+            if self.passed
+            else f"{failed} of {len(self.verdicts)} requirements are not met"
+        )
         return "\n".join([head + outcome, *(f"  {verdict}" for verdict in self.verdicts)])
 
 
@@ -68,19 +73,28 @@ def validate(
 ) -> ValidationReport:
     """Simulate every scenario on every variant of the nonlinear plant and judge the requirements.
 
-    `scenarios` default to `step_scenarios`, `requirements` to `default_requirements` of the nominal machine and the Mt of the
-    schedule's specification. `variants`: see `plants_of`. A run that fails is in the report with its reason; it raises nothing.
-    Raises InputError for an unknown loop or variant, for scenarios that do not fit the schedule and for a plant that cannot hold
-    its load at rest.
+    `scenarios` default to `step_scenarios`, `requirements` to `default_requirements` of the nominal
+    machine and the Mt of the schedule's specification. `variants`: see `plants_of`. A run that
+    fails is in the report with its reason; it raises nothing. Raises InputError for an unknown loop
+    or variant, for scenarios that do not fit the schedule and for a plant that cannot hold its load
+    at rest.
     """
     if scenarios is None:
         scenarios = step_scenarios(actuator, schedule.loop, Ts=schedule.Ts)
     if not scenarios:
-        raise InputError("scenarios is empty; give at least one, or leave it out for the library's.")
+        raise InputError(
+            "scenarios is empty; give at least one, or leave it out for the library's."
+        )
     if requirements is None:
-        requirements = default_requirements(scale_of(actuator, schedule.loop), schedule.loop, Mt=schedule.specification.Mt)
+        requirements = default_requirements(
+            scale_of(actuator, schedule.loop), schedule.loop, Mt=schedule.specification.Mt
+        )
     plants = plants_of(actuator, schedule, variants)
-    runs = tuple(_run(label, plant, schedule, scenario) for label, plant in plants.items() for scenario in scenarios)
+    runs = tuple(
+        _run(label, plant, schedule, scenario)
+        for label, plant in plants.items()
+        for scenario in scenarios
+    )
     return ValidationReport(runs, judge(requirements, runs))
 
 

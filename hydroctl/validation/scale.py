@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..actuator import Actuator
 from ..errors import InputError, unknown_name
-from ..frequency import LOOPS
-from ..linearization import linearize
-from ..operating_point import find_operating_points
+from ..loop.sampled_plant import LOOPS
+from ..machine.actuator import Actuator
+from ..model.linearization import linearize
+from ..model.operating_point import find_operating_points
 
 _SETTLING = {"velocity": 40.0, "position": 80.0}
 
@@ -24,12 +24,14 @@ class Scale:
     retract_speed: float
     """m/s at x = -1, positive"""
     time_constant: float
-    """s: the longest over the stroke of 1/(2 zeta omega_n) and 2 zeta/omega_n of the hydraulic mode. Without a notch no loop
-    reaches a crossover above 2 zeta omega_n."""
+    """s: the longest over the stroke of 1/(2 zeta omega_n) and 2 zeta/omega_n of the hydraulic
+    mode. Without a notch no loop reaches a crossover above 2 zeta omega_n."""
     settling: float
-    """s: 40 (velocity) or 80 (position) of these time constants, in which a step must have settled"""
+    """s: 40 (velocity) or 80 (position) of these time constants, in which a step must have
+    settled"""
     step: float
-    """m/s or m: the library's step within the valve's range, a third of the lower full speed or 2 % of the stroke"""
+    """m/s or m: the library's step within the valve's range, a third of the lower full speed or 2 %
+    of the stroke"""
 
     def speed(self, direction: float) -> float:
         """Full speed, signed like `direction`, m/s."""
@@ -37,10 +39,13 @@ class Scale:
 
 
 def scale_of(actuator: Actuator, loop: str) -> Scale:
-    """The measures of `actuator`. Raises InputError where it cannot move both ways under its own load."""
+    """The measures of `actuator`. Raises InputError where it cannot move both ways under its own
+    load."""
     if loop not in LOOPS:
         raise InputError(unknown_name("loop", loop, LOOPS))
-    points = find_operating_points(actuator, np.array([[-1.0], [1.0]]), np.linspace(0.0, actuator.stroke, 9))
+    points = find_operating_points(
+        actuator, np.array([[-1.0], [1.0]]), np.linspace(0.0, actuator.stroke, 9)
+    )
     if not points.feasible.all():
         raise InputError(points.reason[~points.feasible][0])
     poles = linearize(actuator, points).poles()[..., 1:]

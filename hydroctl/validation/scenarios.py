@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..actuator import Actuator
 from ..digits import apart
 from ..errors import InputError
-from ..operating_point import stall_force
+from ..machine.actuator import Actuator
+from ..model.operating_point import stall_force
 from ..simulation.scenario import Scenario
 from ..simulation.trajectory import State
 from .scale import Scale, scale_of
@@ -28,7 +28,9 @@ class _Change(NamedTuple):
     value: float
 
 
-def _piecewise(Ts: float, duration: float, first: float, changes: tuple[_Change, ...]) -> np.ndarray:
+def _piecewise(
+    Ts: float, duration: float, first: float, changes: tuple[_Change, ...]
+) -> np.ndarray:
     t = Ts * np.arange(max(2, round(duration / Ts)))
     reference = np.full(t.size, first)
     for change in changes:
@@ -37,10 +39,12 @@ def _piecewise(Ts: float, duration: float, first: float, changes: tuple[_Change,
 
 
 def step_scenarios(actuator: Actuator, loop: str, *, Ts: float = 1e-3) -> tuple[Scenario, ...]:
-    """Steps at three positions in both directions, one far beyond the valve's range each way, and a reversal.
+    """Steps at three positions in both directions, one far beyond the valve's range each way, and a
+    reversal.
 
-    Velocity: a third of full speed (less where the stroke is too short for it to settle); the saturated one asks for one and a
-    half times full speed over 0.3 of the stroke, then for 0.3 of it. Position: 2 % of the stroke; the saturated one half of it.
+    Velocity: a third of full speed (less where the stroke is too short for it to settle); the
+    saturated one asks for one and a half times full speed over 0.3 of the stroke, then for 0.3 of
+    it. Position: 2 % of the stroke; the saturated one half of it.
     """
     scale = _scale(actuator, loop, Ts)
     make = _velocity_steps if loop == "velocity" else _position_steps
@@ -48,12 +52,13 @@ def step_scenarios(actuator: Actuator, loop: str, *, Ts: float = 1e-3) -> tuple[
 
 
 def tracking_scenarios(actuator: Actuator, loop: str, *, Ts: float = 1e-3) -> tuple[Scenario, ...]:
-    """References to follow and loads to reject, all of kind "tracking": ramps both ways, sine, sweep, load steps both ways, and
-    ramps that start from rest at low and at high pressures.
+    """References to follow and loads to reject, all of kind "tracking": ramps both ways, sine,
+    sweep, load steps both ways, and ramps that start from rest at low and at high pressures.
 
-    Amplitudes: a sixth of the lower full speed (velocity), 2 % of the stroke (position); the sine so slow, and the sweep up to a
-    frequency so low, that its speed stays below half of full speed and its period above ten time constants of the machine. Load
-    steps: a tenth of the smaller stall force. Position scenarios carry the speed reference of their feed-forward.
+    Amplitudes: a sixth of the lower full speed (velocity), 2 % of the stroke (position); the sine
+    so slow, and the sweep up to a frequency so low, that its speed stays below half of full speed
+    and its period above ten time constants of the machine. Load steps: a tenth of the smaller stall
+    force. Position scenarios carry the speed reference of their feed-forward.
     """
     scale = _scale(actuator, loop, Ts)
     speed, amplitude = min(scale.extend_speed, scale.retract_speed), 0.02 * actuator.stroke
@@ -63,7 +68,10 @@ def tracking_scenarios(actuator: Actuator, loop: str, *, Ts: float = 1e-3) -> tu
     middle, phase = 0.5 * actuator.stroke, 2.0 * np.pi * f * t
     sweep = np.pi * f * t**2 / t[-1]
     # each shape: the quantity as a fraction of its amplitude, and its derivative in 1/s
-    rise, fall = (t / t[-1], np.full(t.size, 1.0 / t[-1])), (-t / t[-1], np.full(t.size, -1.0 / t[-1]))
+    rise, fall = (
+        (t / t[-1], np.full(t.size, 1.0 / t[-1])),
+        (-t / t[-1], np.full(t.size, -1.0 / t[-1])),
+    )
     sine = np.sin(phase), 2.0 * np.pi * f * np.cos(phase)
     swept = np.sin(sweep), 2.0 * np.pi * f * t / t[-1] * np.cos(sweep)
     hold = np.zeros(t.size), np.zeros(t.size)
@@ -92,10 +100,12 @@ def tracking_scenarios(actuator: Actuator, loop: str, *, Ts: float = 1e-3) -> tu
 
 
 def contact_scenarios(actuator: Actuator, loop: str, *, Ts: float = 1e-3) -> tuple[Scenario, ...]:
-    """Into either end stop, against it until the command has saturated, and away again; kind "saturated".
+    """Into either end stop, against it until the command has saturated, and away again; kind
+    "saturated".
 
-    Velocity: a step as in `step_scenarios` from 3 % of the stroke before the stop, then back at the same speed. Position: 1 % of
-    the stroke beyond the stop is asked, then 3 % inside. None for a machine without end stops: its pistons would run through.
+    Velocity: a step as in `step_scenarios` from 3 % of the stroke before the stop, then back at the
+    same speed. Position: 1 % of the stroke beyond the stop is asked, then 3 % inside. None for a
+    machine without end stops: its pistons would run through.
     """
     scale = _scale(actuator, loop, Ts)
     if actuator.end_stop_stiffness == 0.0:
@@ -107,7 +117,9 @@ def contact_scenarios(actuator: Actuator, loop: str, *, Ts: float = 1e-3) -> tup
 def library(actuator: Actuator, loop: str, *, Ts: float = 1e-3) -> tuple[Scenario, ...]:
     """All of them: `step_scenarios`, `tracking_scenarios` and `contact_scenarios`."""
     return tuple(
-        scenario for make in (step_scenarios, tracking_scenarios, contact_scenarios) for scenario in make(actuator, loop, Ts=Ts)
+        scenario
+        for make in (step_scenarios, tracking_scenarios, contact_scenarios)
+        for scenario in make(actuator, loop, Ts=Ts)
     )
 
 
@@ -122,12 +134,15 @@ def _scale(actuator: Actuator, loop: str, Ts: float) -> Scale:
         )
     slowest = actuator.stroke / min(scale.extend_speed, scale.retract_speed)
     if (slowest + 5.0 * scale.settling) / Ts > _MOST_SAMPLES:
-        raise InputError(f"Ts = {Ts:g} s would make scenarios of more than {_MOST_SAMPLES:g} samples; take a longer one.")
+        raise InputError(
+            f"Ts = {Ts:g} s would make scenarios of more than {_MOST_SAMPLES:g} samples; take a longer one."
+        )
     return scale
 
 
 def _balanced_rest(actuator: Actuator, y: float) -> tuple[State, State]:
-    """Rest at y with pressures that hold the load: 10 and 90 % of the way from the lowest pair to the highest."""
+    """Rest at y with pressures that hold the load: 10 and 90 % of the way from the lowest pair to
+    the highest."""
     a = actuator
     p_t, p_s = a.tank_pressure, a.supply_pressure
     lowest = max(p_t, (a.area_b * p_t + a.constant_load) / a.area_a)
@@ -142,7 +157,15 @@ def _velocity_steps(actuator: Actuator, scale: Scale, Ts: float):
 
     def asked(name, kind, y, duration, *changes):
         reference = _piecewise(Ts, duration, 0.0, changes)
-        return Scenario(name=name, kind=kind, loop="velocity", Ts=Ts, reference=reference, y=y, settle_by=scale.settling)
+        return Scenario(
+            name=name,
+            kind=kind,
+            loop="velocity",
+            Ts=Ts,
+            reference=reference,
+            y=y,
+            settle_by=scale.settling,
+        )
 
     def within_stroke(speed):
         return _within_stroke(speed, stroke, duration)
@@ -151,14 +174,26 @@ def _velocity_steps(actuator: Actuator, scale: Scale, Ts: float):
         for direction in (1.0, -1.0):
             speed = within_stroke(scale.speed(direction) / 3.0)
             y = fraction * stroke - 0.5 * speed * (duration - _BEFORE)
-            yield asked(f"step to {speed:.3g} m/s at y = {fraction * stroke:.3g} m", "step", y, duration, _Change(_BEFORE, speed))
+            yield asked(
+                f"step to {speed:.3g} m/s at y = {fraction * stroke:.3g} m",
+                "step",
+                y,
+                duration,
+                _Change(_BEFORE, speed),
+            )
     for direction in (1.0, -1.0):
         full = scale.speed(direction)
         until = _BEFORE + 0.3 * stroke / abs(full)
         y = (0.5 - 0.3 * direction) * stroke
         slow = 0.3 * within_stroke(full)
         changes = _Change(_BEFORE, 1.5 * full), _Change(until, slow)
-        yield asked(f"{1.5 * full:.3g} m/s asked, then {slow:.3g} m/s", "saturated", y, until + 1.5 * scale.settling, *changes)
+        yield asked(
+            f"{1.5 * full:.3g} m/s asked, then {slow:.3g} m/s",
+            "saturated",
+            y,
+            until + 1.5 * scale.settling,
+            *changes,
+        )
     speed = within_stroke(scale.step)
     changes = _Change(_BEFORE, speed), _Change(duration, -speed)
     name = f"reversal from {speed:.3g} to {-speed:.3g} m/s"
@@ -178,7 +213,15 @@ def _velocity_contact(actuator: Actuator, scale: Scale, Ts: float, direction: fl
     changes = _Change(_BEFORE, speed), _Change(back, -speed)
     reference = _piecewise(Ts, back + 1.5 * scale.settling, 0.0, changes)
     name = f"into the end stop at y = {stroke if direction > 0.0 else 0.0:g} m and back"
-    return Scenario(name=name, kind="saturated", loop="velocity", Ts=Ts, reference=reference, y=y, settle_by=scale.settling)
+    return Scenario(
+        name=name,
+        kind="saturated",
+        loop="velocity",
+        Ts=Ts,
+        reference=reference,
+        y=y,
+        settle_by=scale.settling,
+    )
 
 
 def _position_contact(actuator: Actuator, scale: Scale, Ts: float, direction: float) -> Scenario:
@@ -186,11 +229,22 @@ def _position_contact(actuator: Actuator, scale: Scale, Ts: float, direction: fl
     end = stroke if direction > 0.0 else 0.0
     travel = 0.04 * stroke / min(scale.extend_speed, scale.retract_speed)
     back, settle_by = _BEFORE + travel + 2.0 * scale.settling, travel + scale.settling
-    changes = _Change(_BEFORE, end + 0.01 * direction * stroke), _Change(back, end - 0.03 * direction * stroke)
+    changes = (
+        _Change(_BEFORE, end + 0.01 * direction * stroke),
+        _Change(back, end - 0.03 * direction * stroke),
+    )
     y = end - 0.02 * direction * stroke
     reference = _piecewise(Ts, back + settle_by + 0.5 * scale.settling, y, changes)
     name = f"into the end stop at y = {end:g} m and back"
-    return Scenario(name=name, kind="saturated", loop="position", Ts=Ts, reference=reference, y=y, settle_by=settle_by)
+    return Scenario(
+        name=name,
+        kind="saturated",
+        loop="position",
+        Ts=Ts,
+        reference=reference,
+        y=y,
+        settle_by=settle_by,
+    )
 
 
 def _position_steps(actuator: Actuator, scale: Scale, Ts: float):
@@ -199,7 +253,15 @@ def _position_steps(actuator: Actuator, scale: Scale, Ts: float):
     def asked(name, kind, y, travel_time, *changes):
         settle_by = travel_time + scale.settling
         reference = _piecewise(Ts, changes[-1].time + settle_by + 0.5 * scale.settling, y, changes)
-        return Scenario(name=name, kind=kind, loop="position", Ts=Ts, reference=reference, y=y, settle_by=settle_by)
+        return Scenario(
+            name=name,
+            kind=kind,
+            loop="position",
+            Ts=Ts,
+            reference=reference,
+            y=y,
+            settle_by=settle_by,
+        )
 
     def travel(distance):
         return abs(distance) / abs(scale.speed(distance))
@@ -215,4 +277,10 @@ def _position_steps(actuator: Actuator, scale: Scale, Ts: float):
         yield asked(name, "saturated", y, travel(step), _Change(_BEFORE, y + step))
     step, y = scale.step, 0.5 * stroke
     changes = _Change(_BEFORE, y + step), _Change(_BEFORE + 0.25 * scale.settling, y - step)
-    yield asked(f"reversal from {1e3 * step:+.3g} to {-1e3 * step:+.3g} mm", "reversal", y, travel(-2.0 * step), *changes)
+    yield asked(
+        f"reversal from {1e3 * step:+.3g} to {-1e3 * step:+.3g} mm",
+        "reversal",
+        y,
+        travel(-2.0 * step),
+        *changes,
+    )

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..actuator import Actuator
 from ..digits import apart
+from ..machine.actuator import Actuator
 from ..simulation.scenario import Scenario
 from .metrics import BAND, Metrics
 from .scale import Scale
@@ -16,7 +16,8 @@ from .scale import Scale
 
 @dataclass(frozen=True)
 class Requirement:
-    """`achieved` of a motion must not exceed `limit`, in every scenario whose kind is in `kinds`."""
+    """`achieved` of a motion must not exceed `limit`, in every scenario whose kind is in
+    `kinds`."""
 
     name: str
     unit: str
@@ -46,7 +47,8 @@ class Verdict:
 
     @property
     def is_remark(self) -> bool:
-        """True where there is no limit, so that nothing can fail: what was achieved is for the reader to know."""
+        """True where there is no limit, so that nothing can fail: what was achieved is for the
+        reader to know."""
         return self.limit == np.inf and not self.at_least
 
     def __str__(self) -> str:
@@ -55,11 +57,19 @@ class Verdict:
         if self.is_remark:
             achieved = f"{self.achieved:.4g} {self.unit}".rstrip()
             return f"note  {self.name}: {achieved}, {self.reason} is not stated  ({self.scenario}; {self.variant})"
-        sign, word = (("<=", ">=")[self.at_least], "pass") if self.passed else ((">", "<")[self.at_least], "FAIL")
+        sign, word = (
+            (("<=", ">=")[self.at_least], "pass")
+            if self.passed
+            else ((">", "<")[self.at_least], "FAIL")
+        )
         achieved, limit = apart(self.achieved, self.limit, digits=4)
         where = f"({self.scenario}; {self.variant})"
         if self.achieved == self.limit:
-            return f"{word}  {self.name}: " + f"{achieved} {self.unit}".rstrip() + f", the limit  {where}"
+            return (
+                f"{word}  {self.name}: "
+                + f"{achieved} {self.unit}".rstrip()
+                + f", the limit  {where}"
+            )
         return f"{word}  {self.name}: {achieved} {sign} {limit} {self.unit}".rstrip() + f"  {where}"
 
 
@@ -73,7 +83,8 @@ _SETTLES = ("step", "saturated", "reversal")
 
 
 def default_requirements(scale: Scale, loop: str, *, Mt: float = 1.3) -> tuple[Requirement, ...]:
-    """Requirements that follow from the machine (its time constant, pressures and stroke) and the design's Mt."""
+    """Requirements that follow from the machine (its time constant, pressures and stroke) and the
+    design's Mt."""
     unit = "m/s" if loop == "velocity" else "m"
     times = scale.settling / scale.time_constant
     return (
@@ -85,7 +96,14 @@ def default_requirements(scale: Scale, loop: str, *, Mt: float = 1.3) -> tuple[R
             lambda m: m.settling_time,
             lambda scenario, _: scenario.settle_by,
         ),
-        Requirement("overshoot of a step", "", "Mt - 1 of the design", ("step",), lambda m: m.overshoot, lambda *_: Mt - 1.0),
+        Requirement(
+            "overshoot of a step",
+            "",
+            "Mt - 1 of the design",
+            ("step",),
+            lambda m: m.overshoot,
+            lambda *_: Mt - 1.0,
+        ),
         Requirement(
             "overshoot after saturation",
             unit,
@@ -94,8 +112,22 @@ def default_requirements(scale: Scale, loop: str, *, Mt: float = 1.3) -> tuple[R
             lambda m: m.passing,
             lambda *_: (Mt - 1.0) * scale.step,
         ),
-        Requirement("lasting oscillation", "", "half the settling band", _SETTLES, lambda m: m.oscillation, lambda *_: 0.5 * BAND),
-        Requirement("steady error", "", "half the settling band", _SETTLES, lambda m: abs(m.steady_error), lambda *_: 0.5 * BAND),
+        Requirement(
+            "lasting oscillation",
+            "",
+            "half the settling band",
+            _SETTLES,
+            lambda m: m.oscillation,
+            lambda *_: 0.5 * BAND,
+        ),
+        Requirement(
+            "steady error",
+            "",
+            "half the settling band",
+            _SETTLES,
+            lambda m: abs(m.steady_error),
+            lambda *_: 0.5 * BAND,
+        ),
         Requirement(
             "peak pressure",
             "Pa",
@@ -104,7 +136,14 @@ def default_requirements(scale: Scale, loop: str, *, Mt: float = 1.3) -> tuple[R
             lambda m: m.peak_pressure,
             lambda _, plant: np.inf if plant.pressure_rating is None else plant.pressure_rating,
         ),
-        Requirement("time below tank pressure", "s", "no chamber may cavitate", _ALL, lambda m: m.cavitation_time, lambda *_: 0.0),
+        Requirement(
+            "time below tank pressure",
+            "s",
+            "no chamber may cavitate",
+            _ALL,
+            lambda m: m.cavitation_time,
+            lambda *_: 0.0,
+        ),
         Requirement(
             "passing of the stroke",
             "m",
@@ -117,7 +156,8 @@ def default_requirements(scale: Scale, loop: str, *, Mt: float = 1.3) -> tuple[R
 
 
 def worst_of(achieved: np.ndarray, limit: np.ndarray) -> int:
-    """Which of the cases passes its limit by most: infinitely where there is nothing to judge (NaN).
+    """Which of the cases passes its limit by most: infinitely where there is nothing to judge
+    (NaN).
 
     Of cases that are equal in that, as all are without a limit, the one that achieved most.
     """
@@ -126,23 +166,47 @@ def worst_of(achieved: np.ndarray, limit: np.ndarray) -> int:
 
 
 def judge(requirements: Iterable[Requirement], runs) -> tuple[Verdict, ...]:
-    """A verdict for each requirement that some run is subject to, and one for the runs that did not reach their end.
+    """A verdict for each requirement that some run is subject to, and one for the runs that did not
+    reach their end.
 
-    A run has `.scenario`, `.variant`, `.actuator`, `.metrics` and `.reason`. A requirement whose metric a run does not have (NaN:
-    there is no step, or it ends before it should have settled) is not met.
+    A run has `.scenario`, `.variant`, `.actuator`, `.metrics` and `.reason`. A requirement whose
+    metric a run does not have (NaN: there is no step, or it ends before it should have settled) is
+    not met.
     """
     ended = [run for run in runs if not run.reason]
     verdicts = []
     for requirement in requirements:
         subject = [run for run in ended if run.scenario.kind in requirement.kinds]
         if subject:
-            found = [(requirement.achieved(run.metrics), requirement.limit(run.scenario, run.actuator)) for run in subject]
+            found = [
+                (requirement.achieved(run.metrics), requirement.limit(run.scenario, run.actuator))
+                for run in subject
+            ]
             worst = worst_of(*np.array(found).T)
             (achieved, limit), run = found[worst], subject[worst]
-            common = (requirement.name, requirement.unit, requirement.reason, limit, achieved, achieved <= limit)
+            common = (
+                requirement.name,
+                requirement.unit,
+                requirement.reason,
+                limit,
+                achieved,
+                achieved <= limit,
+            )
             verdicts.append(Verdict(*common, run.scenario.name, run.variant))
     failed = [run for run in runs if run.reason]
     worst = (failed or runs)[0]
     reason = worst.reason or "every simulation must reach its end"
     count = float(len(failed))
-    return (Verdict("simulations that failed", "", reason, 0.0, count, not failed, worst.scenario.name, worst.variant), *verdicts)
+    return (
+        Verdict(
+            "simulations that failed",
+            "",
+            reason,
+            0.0,
+            count,
+            not failed,
+            worst.scenario.name,
+            worst.variant,
+        ),
+        *verdicts,
+    )

@@ -1,0 +1,1 @@
+"""The project's own equations, compiled with numba as they stand."""

@@ -1,0 +1,1 @@
+"""Plant and regulator together: sampled plants, margins, and the check of moving gains."""

@@ -1,0 +1,1 @@
+"""What was shown of a schedule, and what was not."""

@@ -1,0 +1,1 @@
+"""The regulator: its law, structures, forms and tables, whatever the machine."""

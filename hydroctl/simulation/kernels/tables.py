@@ -1,0 +1,44 @@
+"""Regulators and machines of a group as arrays with one row per cylinder, which the kernel of
+`group` reads."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...machine.actuator import Actuator
+from ...model import plant
+from ...regulator.law import Regulator
+
+
+def regulator_tables(regulators: Sequence[Regulator]) -> tuple[np.ndarray, ...]:
+    """The tables of `group.regulator_at`. Axes that differ in length are continued by their last
+    node, which no lookup passes."""
+    from .group import NUMBERS
+
+    rows, columns = max(r.x.size for r in regulators), max(r.y.size for r in regulators)
+    return (
+        np.array([_continued(r.x, (rows,)) for r in regulators]),
+        np.array([_continued(r.x_slope, (rows,)) for r in regulators]),
+        np.array([_continued(r.y, (columns,)) for r in regulators]),
+        np.array([_continued(r.y_slope, (columns,)) for r in regulators]),
+        np.array([_continued(r.table, (rows, columns, r.table.shape[2])) for r in regulators]),
+        np.array([r.limits for r in regulators]),
+        np.array([r.sections for r in regulators], dtype=float),
+        np.array([r.compensation for r in regulators], dtype=float),
+        np.array([[getattr(r, name) for name in NUMBERS] for r in regulators], dtype=float),
+    )
+
+
+def machine_table(actuators: Sequence[Actuator]) -> np.ndarray:
+    """(N, 23) the plants' parameters."""
+    return np.array([plant.parameters(actuator) for actuator in actuators])
+
+
+def _continued(array: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    return np.pad(
+        array,
+        [(0, long - short) for long, short in zip(shape, array.shape, strict=True)],
+        mode="edge",
+    )
