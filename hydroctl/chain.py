@@ -12,6 +12,7 @@ import numpy as np
 
 from .errors import InputError
 from .files import make_directory, write_file
+from .loop.quantity import LoopName
 from .machine.actuator import Actuator
 from .model.linearization import LinearFamily, linearize
 from .model.operating_point import OperatingPoints, find_operating_points
@@ -44,7 +45,7 @@ _BETWEEN = np.array([0.1, 0.2, 0.4, 0.6, 0.8])
 def design(
     actuator: Actuator,
     *,
-    loop: str = "velocity",
+    loop: LoopName = "velocity",
     structure: str = "pi",
     specification: Specification | None = None,
     on_stage: Callable[[str], None] | None = None,

@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import RegularGridInterpolator
 
 from hydroctl import load_actuator
+from hydroctl.loop.quantity import controlled_quantity
 from hydroctl.model import plant
 from hydroctl.regulator.scheduled import ScheduledRegulator
 from hydroctl.schedule.schedule import compensation_of
@@ -26,6 +27,7 @@ def schedule(loop="velocity", **changes):
     kp, ki = (1.0, 350.0) if loop == "velocity" else (45.0, 20.0)
     given = {
         "loop": loop,
+        "quantity": controlled_quantity(loop),
         "x": x,
         "y": y,
         "kp": kp * spread,
@@ -58,6 +60,7 @@ def schedule(loop="velocity", **changes):
 def _regulator(s):
     p = plant.parameters(s.actuator)
     own = {
+        "measured": s.quantity.signal,
         "structure": "pi+notch",
         "compensation": None if s.pressure_drops is None else compensation_of(p, s.pressure_drops),
         "inverse_depth": s.dead_band_inverse * p.dead_band,

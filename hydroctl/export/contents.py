@@ -13,7 +13,7 @@ from .. import __version__
 from ..errors import FailedChecksError
 from ..regulator.law import Regulator
 from ..regulator.vectors import Vector, law_of
-from ..schedule.document import GAIN_UNITS, Document
+from ..schedule.document import Document
 from ..schedule.file import document_of, vectors_in
 from ..validation import failures
 from ..validation.margin_verdicts import margin_verdicts
@@ -53,7 +53,7 @@ class Contents:
     @property
     def units(self) -> dict[str, str]:
         """Units of the tables by name."""
-        return GAIN_UNITS[self.schedule.loop]
+        return dict(self.schedule.quantity.gain_units)
 
     @property
     def provenance(self) -> list[str]:

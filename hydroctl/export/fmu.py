@@ -129,8 +129,8 @@ def regulator_fmu(contents: Contents, name: str) -> bytes:
     files = {f"{name}.h": header, f"{name}.c": source} | {
         f"model.{kind}": render(f"regulator_model.{kind}.jinja", **values) for kind in ("h", "c")
     }
-    loop = contents.schedule.loop
-    words = {"loop": loop, "reference": "m" if loop == "position" else "m/s"}
+    schedule = contents.schedule
+    words = {"loop": schedule.loop, "reference": schedule.quantity.unit}
     inputs = [
         v._replace(unit=v.unit.format(**words), description=v.description.format(**words))
         for v in _INPUTS

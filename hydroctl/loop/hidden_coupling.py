@@ -81,7 +81,7 @@ def coupled_loops(
     """The poles of the scheduled loops at x (mx,) by y (my,) m on `plants` (variants, mx, my), as
     in `coupled_poles`."""
     poles = coupled_poles(scheduled, x, y, plants, speed)
-    if scheduled.loop == "velocity":
+    if scheduled.measured == "v":
         neutral = np.argmin(np.abs(poles - 1.0), axis=-1)[..., None]
         np.put_along_axis(poles, neutral, 0.0, axis=-1)
     return CoupledLoops(variants, x, y, np.abs(poles).max(axis=-1))
@@ -103,7 +103,7 @@ def coupled_poles(
     law, by_m, by_y, command = _linear_law(scheduled, x, y, speed)
     A, B, read_y = plants.state_space()
     read_v = np.eye(A.shape[-1])[[_V]]
-    inputs = by_m @ (read_y if scheduled.loop == "position" else read_v) + by_y @ read_y
+    inputs = by_m @ {"v": read_v, "y": read_y}[scheduled.measured] + by_y @ read_y
     upper = np.concatenate([A + B @ inputs[..., [command], :], B @ law[..., [command], :]], axis=-1)
     lower = np.concatenate([inputs, law], axis=-1)
     return np.linalg.eigvals(
@@ -179,11 +179,11 @@ def _steady_state(scheduled: ScheduledRegulator, regulator: Regulator, x, y, v):
     while the cylinder moves."""
     g = scheduled.gains(x, y)
     if np.any(scheduled.ki):
-        m = y if scheduled.loop == "position" else v
+        m = {"v": v, "y": y}[scheduled.measured]
         reference = m
     else:
         reference, m = np.zeros(x.shape), -x / g.kp
-    speed = v if scheduled.loop == "position" and scheduled.c == 0.0 else np.zeros(x.shape)
+    speed = v if scheduled.measured == "y" and scheduled.c == 0.0 else np.zeros(x.shape)
     seen = scheduled.c * reference - m
     held = x - g.kp * (scheduled.b * reference - m) + g.kd * speed
     w = np.tan(0.5 * np.where(regulator.shaped, g.notch_frequency, 0.0) * scheduled.Ts)

@@ -19,12 +19,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..errors import InputError, unknown_name
+from ..errors import InputError
 from ..model.characteristics import resonance
 from ..model.linearization import LinearFamily
+from .quantity import ControlledQuantity, LoopName, controlled_quantity
 
 _ARRAYS = ("transition", "entry", "eigenvalues", "residues", "resonance")
-LOOPS = ("velocity", "position")
 _PRESSURE_SCALE = 1e6
 _WORST_CONDITION = 1e6
 """of eigenvectors that are used"""
@@ -140,18 +140,19 @@ class SampledFamily:
 
 
 def sample(
-    family: LinearFamily, *, loop: str, sample_time: float, delay_samples: float = 0.0
+    family: LinearFamily,
+    *,
+    loop: LoopName,
+    sample_time: float,
+    delay_samples: float = 0.0,
 ) -> SampledFamily:
-    """`family` behind a zero-order hold and a delay, read as speed (loop "velocity") or position
-    ("position").
+    """`family` behind a zero-order hold and a delay, read as what the `loop` controls.
 
     Every point of the family must be feasible; otherwise InputError names the first that is not.
     """
-    if loop not in LOOPS:
-        raise InputError(unknown_name("loop", loop, LOOPS))
     if not family.points.feasible.all():
         raise InputError(str(family.points.reason[~family.points.feasible][0]))
-    A, B, output = _continuous(family, loop)
+    A, B, output = _continuous(family, controlled_quantity(loop))
     whole = math.floor(delay_samples)
     times = sample_time, sample_time * (1.0 - (delay_samples - whole))
     rates, vectors = np.linalg.eig(A)
@@ -199,7 +200,7 @@ def _held(A, B, t: float):
     return exact[:, :n, :n], exact[:, :n, n]
 
 
-def _continuous(family: LinearFamily, loop: str):
+def _continuous(family: LinearFamily, quantity: ControlledQuantity):
     """(A, B, output): the plant with pressures in MPa, then spool and spool rate of a valve with a
     lag, then y if it is read."""
     frequency, damping = (
@@ -207,7 +208,7 @@ def _continuous(family: LinearFamily, loop: str):
         family.points.actuator.valve_damping,
     )
     valve = 0 if frequency is None else 2
-    n = 3 + valve + (loop == "position")
+    n = 3 + valve + quantity.integrations
     scale = np.array([_PRESSURE_SCALE, _PRESSURE_SCALE, 1.0])
     A, B, output = np.zeros((*family.shape, n, n)), np.zeros((*family.shape, n, 1)), np.zeros(n)
     A[..., :3, :3] = family.A * scale / scale[:, None]
@@ -218,9 +219,9 @@ def _continuous(family: LinearFamily, loop: str):
         B[..., 4, 0] = frequency
     else:
         B[..., :3, :] = family.B / scale[:, None]
-    if loop == "position":
+    if quantity.integrations:
         A[..., -1, 2] = 1.0
-    output[-1 if loop == "position" else 2] = 1.0
+    output[-1 if quantity.integrations else 2] = 1.0
     return A, B, output
 
 

@@ -8,7 +8,6 @@ from matplotlib.colors import LogNorm, Normalize
 
 from ..errors import InputError, unknown_name
 from ..regulator.structures import STRUCTURES
-from ..schedule.document import GAIN_UNITS
 from ..schedule.margins import ScheduleMargins
 from ..schedule.schedule import GainSchedule
 from .style import (
@@ -48,7 +47,7 @@ def gain_surfaces(schedule: GainSchedule, ax=None) -> np.ndarray:
     `ax`: one axes for each gain that the structure uses, and one more for the notch frequency where
     there is a notch. Returns them.
     """
-    units = GAIN_UNITS[schedule.loop]
+    units = schedule.quantity.gain_units
     tables = {
         f"{name} ({units[name]})": getattr(schedule, name)
         for name in STRUCTURES[schedule.structure]

@@ -8,11 +8,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..simulation import Scenario, Trajectory
-from .style import BLACK, BLUE, POSITION, TIME, VERMILLION, several_axes, styled
+from .style import BLACK, BLUE, POSITION, SPEED, TIME, VERMILLION, several_axes, styled
 
-_CONTROLLED = {"position": ("y", POSITION), "velocity": ("v", "speed v (m/s)")}
 _OPENING = "valve opening x\n(of full)"
-_LABELS = (POSITION, "speed v (m/s)", _OPENING, "pressure a (bar)", "pressure b (bar)")
+_LABELS = (POSITION, SPEED, _OPENING, "pressure a (bar)", "pressure b (bar)")
 _PASCAL_PER_BAR = 1e5
 
 
@@ -29,7 +28,7 @@ def traces(trajectory: Trajectory, scenario: Scenario | None = None, ax=None) ->
         each.plot(t, values, color=BLUE, label="motion")
         each.set_ylabel(label)
     if scenario is not None:
-        controlled = axes[list(_CONTROLLED).index(scenario.loop)]
+        controlled = axes[_LABELS.index(scenario.quantity.label)]
         _reference(controlled, scenario)
         controlled.legend(loc="best")
     axes[2].lines[0].set(drawstyle="steps-post", label="command")
@@ -53,7 +52,7 @@ def overlay(motions: Sequence[tuple[Scenario, Trajectory]], ax=None) -> np.ndarr
     """
     axes = several_axes(ax, 5, (6.4, 8.2), sharex=True, below=0.7)
     for scenario, trajectory in motions:
-        _reference(axes[list(_CONTROLLED).index(scenario.loop)], scenario, linewidth=0.9)
+        _reference(axes[_LABELS.index(scenario.quantity.label)], scenario, linewidth=0.9)
         for each, values in zip(axes, _signals(trajectory), strict=True):
             each.plot(trajectory.t, values, label=scenario.name)
     for each, label in zip(axes, _LABELS, strict=True):
@@ -71,16 +70,15 @@ def comparison(trajectories: Mapping[str, Trajectory], scenario: Scenario, ax=No
     `ax`: three axes; returns them.
     """
     axes = several_axes(ax, 3, (6.4, 5.8), sharex=True)
-    name, label = _CONTROLLED[scenario.loop]
+    quantity = scenario.quantity
     _reference(axes[0], scenario)
     for key, trajectory in trajectories.items():
-        values = getattr(trajectory, name)
+        values = getattr(trajectory, quantity.signal)
         axes[0].plot(trajectory.t, values, label=key)
         axes[1].plot(trajectory.t, scenario.reference - values, label=key)
         axes[2].plot(trajectory.t, trajectory.x, drawstyle="steps-post", label=key)
-    unit = label[label.index("(") :]
-    axes[0].set(title=scenario.name, ylabel=label, xlim=(scenario.t[0], scenario.t[-1]))
-    axes[1].set_ylabel(f"control error {unit}")
+    axes[0].set(title=scenario.name, ylabel=quantity.label, xlim=(scenario.t[0], scenario.t[-1]))
+    axes[1].set_ylabel(f"control error ({quantity.unit})")
     axes[2].set(xlabel=TIME, ylabel=_OPENING)
     axes[0].legend(loc="best")
     return axes

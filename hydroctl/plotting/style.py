@@ -24,6 +24,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
 from ..errors import InputError
+from ..loop import quantity
 from ..model.operating_point import OperatingPoints
 
 BLACK, ORANGE, SKY, GREEN, BLUE, VERMILLION, PURPLE, GREY = (
@@ -56,7 +57,7 @@ STYLE = {
     "ytick.labelsize": 8,
 }
 
-POSITION = "position y (m)"
+POSITION, SPEED = quantity.POSITION.label, quantity.VELOCITY.label
 OPENING = "valve opening x (of full)"
 FREQUENCY = "frequency (Hz)"
 TIME = "time (s)"

@@ -35,7 +35,7 @@ def regulator_of(scheduled: ScheduledRegulator) -> Regulator:
         y_slope=_slopes(y),
         table=table,
         limits=np.array([[side[0], side[-1]] for side in sides]),
-        position=s.loop == "position",
+        position=s.measured == "y",
         Ts=float(s.Ts),
         Tf=float(s.Tf),
         Tm=float(s.Tm),

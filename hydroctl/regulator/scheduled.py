@@ -9,6 +9,7 @@ saturated x and the measured y.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -22,15 +23,15 @@ class ScheduledRegulator:
     """What the law runs on; `prepared.regulator_of` turns it into the numbers that the law
     reads."""
 
-    loop: str
-    """"velocity" or "position\""""
+    measured: Literal["v", "y"]
+    """what is controlled: the speed or the position"""
     structure: str
     x: np.ndarray
     """(nx,) nodes of the valve opening, ascending, none zero"""
     y: np.ndarray
     """(ny,) nodes of the position in m, ascending"""
     kp: np.ndarray
-    """(nx, ny), x per m/s (velocity) or per m (position)"""
+    """(nx, ny), x per unit of what is controlled, m/s or m"""
     ki: np.ndarray
     """(nx, ny), as kp per s"""
     kd: np.ndarray

@@ -19,7 +19,6 @@ from ..model import plant
 from ..model.linearization import linearize
 from ..model.operating_point import find_operating_points
 from ..regulator.structures import GAINS
-from ..schedule.document import GAIN_UNITS
 from ..schedule.schedule import GainSchedule
 
 _LEAST_OPENING, _OPENINGS = 0.02, 99
@@ -39,7 +38,7 @@ def explorer_data(schedules: Mapping[str, GainSchedule]) -> dict:
         "delay_samples": leading.delay_samples,
         "stroke": actuator.stroke,
         "openings": openings.tolist(),
-        "units": GAIN_UNITS[leading.loop],
+        "units": dict(leading.quantity.gain_units),
         "limits": {"Ms": specification.Ms, "Mt": specification.Mt},
         "plants": [
             {"label": label} | _plant_table(machine, openings)

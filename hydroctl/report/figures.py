@@ -11,7 +11,6 @@ from ..model.characteristics import resonance
 from ..model.linearization import linearize
 from ..model.operating_point import find_operating_points
 from ..regulator.structures import STRUCTURES
-from ..schedule.document import GAIN_UNITS
 from ..schedule.schedule import GainSchedule
 from ..simulation import Scenario, Trajectory
 from ..validation import ValidationReport
@@ -42,7 +41,7 @@ def map_data(schedule: GainSchedule) -> dict:
     ]
     gains = schedule.gains(found.x[:, None], found.y)
     layers += [
-        _layer(name, GAIN_UNITS[schedule.loop][name], getattr(gains, name))
+        _layer(name, schedule.quantity.gain_units[name], getattr(gains, name))
         for name in STRUCTURES[schedule.structure]
     ]
     if schedule.zz != schedule.zp or schedule.sections:

@@ -105,7 +105,7 @@ def page(
         comparison=comparison or {},
         specification=_specification(schedule),
         parameters=_parameters(schedule),
-        law=law_text(schedule.loop),
+        law=law_text(schedule.quantity),
         data={
             "explorer": explorer_data({"scheduled": schedule} | beside),
             "map": map_data(schedule),

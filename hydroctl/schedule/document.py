@@ -17,16 +17,12 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from ..errors import InputError, unknown_name
 from ..files import write_file
+from ..loop.quantity import LoopName, controlled_quantity
 from ..machine.actuator import ADDED_LATER, PARAMETERS
 from ..regulator.law import LEAST_RATIO, MOST_RATIO
 from .versions import upgraded
 
 SCHEMA = "hydroctl.gain-schedule"
-GAIN_UNITS = {
-    "velocity": {"kp": "s/m", "ki": "1/m", "kd": "s^2/m", "notch_frequency": "rad/s"},
-    "position": {"kp": "1/m", "ki": "1/(m*s)", "kd": "s/m", "notch_frequency": "rad/s"},
-}
-"""units of the tables by loop, in the order of the file"""
 FALLBACK = "where an input, a state or x is not finite, x = 0, and the next sound sample is a start"
 SCHEMA_FILE = Path(__file__).with_name("schedule.schema.json")
 _LARGEST_FILE = 50_000_000
@@ -326,7 +322,7 @@ class Document(_Part):
     schema_: Literal["hydroctl.gain-schedule"] = Field(alias="schema")
     version: Literal[3]
     generator: str
-    loop: Literal["velocity", "position"]
+    loop: LoopName
     structure: str
     controller: Controller
     scheduling: Scheduling
@@ -343,13 +339,16 @@ class Document(_Part):
 
     @model_validator(mode="after")
     def _gain_units(self):
-        limit, unit = self.design.high_frequency_gain, GAIN_UNITS[self.loop]["kp"]
-        if limit is not None and limit.unit != unit:
+        limit, units = (
+            self.design.high_frequency_gain,
+            controlled_quantity(self.loop).gain_units,
+        )
+        if limit is not None and limit.unit != (unit := units["kp"]):
             raise ValueError(
                 f"unit of high_frequency_gain is {limit.unit!r}, must be {unit!r} for a {self.loop} loop"
             )
         for table in self.scheduling.tables:
-            if table.unit != (unit := GAIN_UNITS[self.loop][table.name]):
+            if table.unit != (unit := units[table.name]):
                 raise ValueError(
                     f"unit of table {table.name} is {table.unit!r}, must be {unit!r} for a {self.loop} loop"
                 )

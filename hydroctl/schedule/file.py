@@ -12,6 +12,7 @@ import numpy as np
 from .. import __version__
 from ..errors import InputError
 from ..loop.margins import MARGIN_UNITS
+from ..loop.quantity import ControlledQuantity
 from ..machine.actuator import PARAMETERS, Actuator
 from ..regulator.law import LEAST_RATIO, MOST_RATIO
 from ..regulator.structures import GAINS, STRUCTURES, require_structure, section_count
@@ -26,18 +27,18 @@ _LAW = (
     "w = ratio*u; x = inverse(clip(w, limits)); I = I + Ts*(ki*e + (clip(w, limits) - w)/(ratio*Tt)), but I stays 0 where ki is 0 "
     "in the whole table; x acts delay_samples after the measurement; m is {measured}"
 )
-_MEASURED = {"velocity": "the speed v in m/s", "position": "the position y in m"}
 _ON = {"error": "backward Euler, on the error", "measurement": "backward Euler, on the measurement"}
 
 
-def law_text(loop: str) -> str:
-    """The regulator law in words and formulas, for the loop "velocity" or "position"."""
-    return _LAW.format(measured=_MEASURED[loop])
+def law_text(quantity: ControlledQuantity) -> str:
+    """The regulator law in words and formulas, for what it controls."""
+    measured = f"the {quantity.word} {quantity.signal} in {quantity.unit}"
+    return _LAW.format(measured=measured)
 
 
 def document_of(schedule, failed_checks: tuple[str, ...]) -> d.Document:
     """The document that describes a `GainSchedule` in full, and the requirements that it fails."""
-    units = d.GAIN_UNITS[schedule.loop]
+    units = schedule.quantity.gain_units
 
     axes = [
         d.Axis(name="x", signal="previous saturated x", unit="1", values=schedule.x.tolist()),
@@ -94,7 +95,7 @@ def document_of(schedule, failed_checks: tuple[str, ...]) -> d.Document:
         actuator=_machine(schedule.actuator),
         design=design,
         failed_checks=list(failed_checks),
-        test_vectors=_test_vectors(vectors_of(schedule.regulator), schedule.loop),
+        test_vectors=_test_vectors(vectors_of(schedule.regulator), schedule.quantity),
         fingerprint=None,
     )
     return document.model_copy(update={"fingerprint": d.fingerprint(document)})
@@ -122,9 +123,9 @@ def _quantities(parameters: Mapping[str, float]) -> dict[str, d.Quantity]:
     }
 
 
-def _test_vectors(vectors: list[Vector], loop: str) -> d.TestVectors:
-    reference = "m/s" if loop == "velocity" else "m"
-    units = ["1", reference, "m/s", "Pa", "Pa", "m/s", "m", *d.GAIN_UNITS[loop].values(), "1"]
+def _test_vectors(vectors: list[Vector], quantity: ControlledQuantity) -> d.TestVectors:
+    inputs = ["1", quantity.unit, "m/s", "Pa", "Pa", "m/s", "m"]
+    units = [*inputs, *quantity.gain_units.values(), "1"]
     rows = [[v.start, *v.inputs, *(v.gains or (None,) * 4), v.x] for v in vectors]
     finite = [
         [None if value is None or math.isnan(value) else value for value in row] for row in rows
@@ -163,7 +164,7 @@ def _optional(kind, value: float | None, unit: str):
 def _controller(schedule) -> d.Controller:
     return d.Controller(
         form="parallel",
-        law=law_text(schedule.loop),
+        law=law_text(schedule.quantity),
         sample_time=d.Time(value=schedule.Ts, unit="s"),
         delay_samples=float(schedule.delay_samples),
         integral="forward Euler, stored in units of x",

@@ -13,6 +13,7 @@ from ..errors import InputError
 from ..loop.design_plants import sampled_plants, with_midpoints
 from ..loop.hidden_coupling import CoupledLoops, cell_points, coupled_loops
 from ..loop.margins import Loop, analyse
+from ..loop.quantity import ControlledQuantity, LoopName, controlled_quantity
 from ..machine.actuator import Actuator
 from ..model import plant
 from ..model.operating_point import find_operating_points
@@ -27,7 +28,6 @@ from .margins import ScheduleMargins
 
 _OF_THE_REGULATOR = (
     *(
-        "loop",
         "structure",
         "x",
         "y",
@@ -62,8 +62,8 @@ class GainSchedule:
 
     actuator: Actuator
     specification: Specification
-    loop: str
-    """"velocity" or "position\""""
+    loop: LoopName
+    """what is controlled: "velocity" or "position\""""
     structure: str
     x: np.ndarray
     """(nx,) nodes of the valve opening, ascending, none zero"""
@@ -108,6 +108,11 @@ class GainSchedule:
     known"""
 
     @property
+    def quantity(self) -> ControlledQuantity:
+        """What the loop controls."""
+        return controlled_quantity(self.loop)
+
+    @property
     def Ts(self) -> float:
         """Sample time in s."""
         return self.specification.sample_time
@@ -147,6 +152,7 @@ class GainSchedule:
         """What runs on the machine: the tables and the constants of the law."""
         s, p = self.specification, plant.parameters(self.actuator)
         return ScheduledRegulator(
+            measured=self.quantity.signal,
             **{name: getattr(self, name) for name in _OF_THE_REGULATOR},
             delay_samples=s.delay_samples,
             compensation=None

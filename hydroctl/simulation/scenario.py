@@ -9,7 +9,7 @@ import numpy as np
 
 from ..digits import apart
 from ..errors import InputError, unknown_name
-from ..loop.sampled_plant import LOOPS
+from ..loop.quantity import LOOPS, ControlledQuantity, LoopName, controlled_quantity
 from .sensing import Sensors
 from .trajectory import State, state_of
 
@@ -25,7 +25,7 @@ class Scenario:
     InputError, all faults at once."""
 
     name: str
-    loop: str
+    loop: LoopName
     """"velocity": the reference is v in m/s; "position": y in m"""
     Ts: float
     """sample time in s"""
@@ -63,7 +63,8 @@ class Scenario:
             faults.append(
                 f"reference of shape {reference.shape} must be one row of at least two samples."
             )
-        default = reference if self.loop == "velocity" else np.zeros_like(reference)
+        is_speed = self.loop in LOOPS and self.quantity.is_speed
+        default = reference if is_speed else np.zeros_like(reference)
         v_ref = default if self.v_ref is None else np.array(self.v_ref, dtype=float)
         load = np.array(self.load_force, dtype=float)
         for name, array in (("v_ref", v_ref), ("load_force", load)):
@@ -104,6 +105,11 @@ class Scenario:
     def sensor_signals(self) -> tuple[np.ndarray, np.ndarray] | None:
         """Noise and resolution for the kernels; None where the regulator sees the true values."""
         return None if self.sensors is None else self.sensors.signals(self.reference.size)
+
+    @property
+    def quantity(self) -> ControlledQuantity:
+        """What the loop controls."""
+        return controlled_quantity(self.loop)
 
     @property
     def duration(self) -> float:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ..digits import apart
+from ..loop.quantity import POSITION
 from ..machine.actuator import Actuator
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ def group_faults(actuators: Sequence[Actuator], schedules: Sequence[GainSchedule
             f"{len(schedules)} schedules for {count} cylinders; give one for each, in their order."
         )
     for i, schedule in enumerate(schedules):
-        if schedule.loop != "position":
+        if schedule.quantity is not POSITION:
             faults.append(
                 f'schedule {i + 1} is for the {schedule.loop} loop; tune it with loop="position".'
             )

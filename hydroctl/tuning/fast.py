@@ -20,6 +20,7 @@ import numpy as np
 from ..digits import apart
 from ..errors import InfeasibleError, InputError, unknown_name
 from ..loop.margins import Loop, analyse
+from ..loop.quantity import ControlledQuantity, LoopName, controlled_quantity
 from ..machine.actuator import Actuator
 from ..model.linearization import linearize
 from ..model.operating_point import find_operating_points
@@ -59,7 +60,7 @@ def tune_fast(
     y,
     *,
     method: str = "imc",
-    loop: str = "velocity",
+    loop: LoopName = "velocity",
     bandwidth: float | None = None,
     specification: Specification | None = None,
 ) -> FastTuning:
@@ -71,7 +72,7 @@ def tune_fast(
     placement in a position loop, InfeasibleError where the poles that were placed miss a limit on
     the sampled plants, or where IMC meets none, however slow.
     """
-    _require(method, loop, bandwidth)
+    _require(method, controlled_quantity(loop), bandwidth)
     made: list[FastTuning] = []
 
     def make(task: Task) -> GainSchedule:
@@ -79,7 +80,7 @@ def tune_fast(
         return made[-1].schedule
 
     on_the_whole_box(
-        task_of(actuator, x, y, loop, "pid" if loop == "velocity" else "p+notch", specification),
+        task_of(actuator, x, y, loop, controlled_quantity(loop).formula_structure, specification),
         make,
         make,
     )
@@ -93,7 +94,10 @@ def _tuned(task: Task, method: str, bandwidth: float | None) -> FastTuning:
     )
     default = _default_bandwidth(method, reduced, task.specification)
     wanted = np.broadcast_to(default if bandwidth is None else bandwidth, reduced.shape)
-    placed, reached = _regulators(method, task.loop, reduced, wanted, task.specification), wanted
+    placed, reached = (
+        _regulators(method, task.quantity, reduced, wanted, task.specification),
+        wanted,
+    )
     if method == "imc":
         share = _slow_down(task, placed)
         placed, reached = _scaled(placed, share), share * wanted
@@ -104,13 +108,13 @@ def _tuned(task: Task, method: str, bandwidth: float | None) -> FastTuning:
     )
 
 
-def _require(method: str, loop: str, bandwidth: float | None) -> None:
+def _require(method: str, quantity: ControlledQuantity, bandwidth: float | None) -> None:
     faults = [] if method in METHODS else [unknown_name("method", method, METHODS)]
     if bandwidth is not None and not 0.0 < bandwidth < np.inf:
         faults.append(
             f"bandwidth = {bandwidth!r} must be a positive frequency in rad/s, or None for the default."
         )
-    if method == "pole-placement" and loop == "position":
+    if method == "pole-placement" and not quantity.is_speed:
         faults.append(
             "pole placement needs a velocity loop: with position feedback a PID cannot move the sum of the poles, -a1. "
             'Use method "imc".'
@@ -128,14 +132,18 @@ def _default_bandwidth(method: str, reduced: SecondOrderFamily, specification: S
 
 
 def _regulators(
-    method: str, loop: str, reduced: SecondOrderFamily, wanted, specification: Specification
+    method: str,
+    quantity: ControlledQuantity,
+    reduced: SecondOrderFamily,
+    wanted,
+    specification: Specification,
 ) -> Regulators:
     a1, a2, b = reduced.a1, reduced.a2, reduced.b
     zero, (zz, zp) = (
         np.zeros(reduced.shape),
-        (1.0, 1.0) if loop == "velocity" else specification.notch_damping,
+        (1.0, 1.0) if quantity.is_speed else specification.notch_damping,
     )
-    if loop == "position":
+    if quantity.integrations:
         kp, ki, kd = a2 * wanted / b, zero, zero
     elif method == "imc":
         kp, ki, kd = (term * wanted / b for term in (a1, a2, 1.0))

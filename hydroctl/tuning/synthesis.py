@@ -11,6 +11,7 @@ from ..errors import InfeasibleError, InputError
 from ..loop.allowances import between_points
 from ..loop.design_plants import design_pressure_drops, with_midpoints
 from ..loop.margins import Loop, analyse, peaks
+from ..loop.quantity import LoopName
 from ..machine.actuator import Actuator
 from ..machine.variants import box_of
 from ..model.operating_point import find_operating_points
@@ -40,7 +41,7 @@ def tune(
     x,
     y,
     *,
-    loop: str = "velocity",
+    loop: LoopName = "velocity",
     structure: str = "pi",
     specification: Specification | None = None,
 ) -> GainSchedule:
@@ -190,7 +191,7 @@ def tune_fixed(
     x,
     y,
     *,
-    loop: str = "velocity",
+    loop: LoopName = "velocity",
     structure: str = "pi",
     specification: Specification | None = None,
 ) -> GainSchedule:
@@ -245,7 +246,7 @@ def assemble_schedule(task: Task, nodes, regulators: Regulators) -> GainSchedule
     """The schedule of `regulators` at `nodes` (x, y). InputError where the set-point weight would
     make it oscillate."""
     b = task.specification.set_point_weight
-    if task.loop == "position" and b != 1.0 and np.ptp(regulators.kp, axis=0).any():
+    if task.quantity.integrations and b != 1.0 and np.ptp(regulators.kp, axis=0).any():
         raise InputError(
             f"set_point_weight = {b:g} with kp scheduled on x: the part (b - 1) kp r of the command changes with the command "
             "itself, through kp(x), and the loop oscillates (see check_coupling). Use set_point_weight = 1, points at a single "
@@ -268,7 +269,7 @@ def assemble_schedule(task: Task, nodes, regulators: Regulators) -> GainSchedule
         zp=regulators.zp,
         sections=regulators.sections,
         Tt=_anti_windup_time(regulators.kp, regulators.ki, task.specification.sample_time),
-        feed_forward=task.loop == "position",
+        feed_forward=not task.quantity.is_speed,
         pressure_drops=design_pressure_drops(task.actuator, task.x)
         if task.specification.pressure_compensation
         else None,

@@ -11,7 +11,8 @@ import numpy as np
 from ..digits import apart
 from ..errors import InputError, unknown_name
 from ..loop.design_plants import sampled, sampled_plants
-from ..loop.sampled_plant import LOOPS, SampledFamily
+from ..loop.quantity import LOOPS, ControlledQuantity, LoopName, controlled_quantity
+from ..loop.sampled_plant import SampledFamily
 from ..machine.actuator import Actuator
 from ..machine.variants import box_of, changed_plants, counted_changes
 from ..regulator.structures import GAINS, STRUCTURES, Regulators, section_count
@@ -23,7 +24,6 @@ _OPENINGS = np.array([_SMALLEST_FLOW, 0.06, 0.15, 0.4, 1.0])
 _POSITIONS = (9, 25)
 _RATIO_STEP = 0.2
 _FINE = 2001
-_NOTCH_DAMPING = {"velocity": (0.12, 0.75), "position": (0.2, 0.6)}
 _NOTCH_REACH = 1.22
 """notch frequency over the lowest natural frequency of all plants: the most by default"""
 
@@ -54,7 +54,7 @@ class Task:
 
     actuator: Actuator
     specification: Specification
-    loop: str
+    loop: LoopName
     structure: str
     x: np.ndarray
     y: np.ndarray
@@ -117,8 +117,13 @@ class Task:
     @property
     def first(self) -> int:
         """The gain that the tuner starts from, among those used: in a velocity loop the objective,
-        in a position loop kp."""
-        return self.objective if self.loop == "velocity" else 0
+        in a position loop, whose plant integrates, kp."""
+        return 0 if self.quantity.integrations else self.objective
+
+    @property
+    def quantity(self) -> ControlledQuantity:
+        """What the loop controls."""
+        return controlled_quantity(self.loop)
 
     def regulators(self, gains: np.ndarray, notch_frequency: np.ndarray) -> Regulators:
         """Regulators of the shape of `notch_frequency` with gains (N, t)."""
@@ -226,7 +231,7 @@ def _notch_settled(specification: Specification, loop: str, plants: SampledFamil
         ratio = min(1.0, reach)
     return replace(
         specification,
-        notch_damping=specification.notch_damping or _NOTCH_DAMPING[loop],
+        notch_damping=specification.notch_damping or controlled_quantity(loop).notch_damping,
         notch_ratio=ratio,
     )
 

@@ -10,7 +10,6 @@ import numpy as np
 from ..loop.allowances import between_points
 from ..loop.margins import MARGIN_UNITS, WORST_AT_MOST
 from ..machine.variants import box_of
-from ..schedule.document import GAIN_UNITS
 from ..schedule.margins import WorstPoint
 from ..schedule.schedule import GainSchedule, check_coupling
 from ..tuning.box import search_box
@@ -160,7 +159,7 @@ def _high_frequency_verdict(schedule: GainSchedule, limit: float) -> Verdict:
     gain = schedule.regulators.nyquist_gain
     i, j = np.unravel_index(np.argmax(gain), gain.shape)
     place, achieved = f"x={schedule.x[i]:g}, y={schedule.y[j]:g} m", float(gain[i, j])
-    unit, allowed = GAIN_UNITS[schedule.loop]["kp"], limit * _LINEAR_PROGRAM
+    unit, allowed = schedule.quantity.gain_units["kp"], limit * _LINEAR_PROGRAM
     reason = "the specification, and 1e-6 for the tuner's linear programs"
     return Verdict(
         "gain at the Nyquist frequency",

@@ -60,7 +60,7 @@ class Metrics:
 def measure(actuator: Actuator, scenario: Scenario, trajectory: Trajectory) -> Metrics:
     """The metrics of `trajectory`, the motion of `actuator` in `scenario`."""
     Ts, y, command = scenario.Ts, trajectory.y, trajectory.command
-    measured = trajectory.v if scenario.loop == "velocity" else y
+    measured = getattr(trajectory, scenario.quantity.signal)
     error = scenario.reference - measured
     lowest = np.minimum(trajectory.p_a, trajectory.p_b)
     slack = 1e-9 * actuator.supply_pressure

@@ -6,13 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import InputError, unknown_name
-from ..loop.sampled_plant import LOOPS
+from ..errors import InputError
+from ..loop.quantity import controlled_quantity
 from ..machine.actuator import Actuator
 from ..model.linearization import linearize
 from ..model.operating_point import find_operating_points
-
-_SETTLING = {"velocity": 40.0, "position": 80.0}
 
 
 @dataclass(frozen=True)
@@ -41,8 +39,7 @@ class Scale:
 def scale_of(actuator: Actuator, loop: str) -> Scale:
     """The measures of `actuator`. Raises InputError where it cannot move both ways under its own
     load."""
-    if loop not in LOOPS:
-        raise InputError(unknown_name("loop", loop, LOOPS))
+    quantity = controlled_quantity(loop)
     points = find_operating_points(
         actuator, np.array([[-1.0], [1.0]]), np.linspace(0.0, actuator.stroke, 9)
     )
@@ -53,5 +50,5 @@ def scale_of(actuator: Actuator, loop: str) -> Scale:
     square = np.prod(poles, axis=-1).real
     time_constant = float(np.maximum(1.0 / damping, damping / square).max())
     extend, retract = float(points.v[1, 0]), -float(points.v[0, 0])
-    step = min(extend, retract) / 3.0 if loop == "velocity" else 0.02 * actuator.stroke
-    return Scale(extend, retract, time_constant, _SETTLING[loop] * time_constant, step)
+    step = quantity.step(min(extend, retract), actuator.stroke)
+    return Scale(extend, retract, time_constant, quantity.settling * time_constant, step)

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..digits import apart
 from ..errors import InputError
+from ..loop.quantity import POSITION, VELOCITY, controlled_quantity
 from ..machine.actuator import Actuator
 from ..model.operating_point import stall_force
 from ..simulation.scenario import Scenario
@@ -47,7 +48,7 @@ def step_scenarios(actuator: Actuator, loop: str, *, Ts: float = 1e-3) -> tuple[
     it. Position: 2 % of the stroke; the saturated one half of it.
     """
     scale = _scale(actuator, loop, Ts)
-    make = _velocity_steps if loop == "velocity" else _position_steps
+    make = _velocity_steps if controlled_quantity(loop).is_speed else _position_steps
     return tuple(make(actuator, scale, Ts))
 
 
@@ -60,10 +61,11 @@ def tracking_scenarios(actuator: Actuator, loop: str, *, Ts: float = 1e-3) -> tu
     and its period above ten time constants of the machine. Load steps: a tenth of the smaller stall
     force. Position scenarios carry the speed reference of their feed-forward.
     """
-    scale = _scale(actuator, loop, Ts)
+    scale, quantity = _scale(actuator, loop, Ts), controlled_quantity(loop)
     speed, amplitude = min(scale.extend_speed, scale.retract_speed), 0.02 * actuator.stroke
     fastest = 1.0 / (10.0 * scale.time_constant)
-    f = min(fastest, 0.25 * speed / (2.0 * np.pi * amplitude) if loop == "position" else fastest)
+    slow = 0.25 * speed / (2.0 * np.pi * amplitude)
+    f = fastest if quantity.is_speed else min(fastest, slow)
     t = Ts * np.arange(round(max(2.0 / f, 3.0 * scale.settling) / Ts))
     middle, phase = 0.5 * actuator.stroke, 2.0 * np.pi * f * t
     sweep = np.pi * f * t**2 / t[-1]
@@ -81,7 +83,7 @@ def tracking_scenarios(actuator: Actuator, loop: str, *, Ts: float = 1e-3) -> tu
 
     def asked(name, shape, **changes):
         value, rate = shape
-        if loop == "velocity":
+        if quantity.is_speed:
             signals = {"reference": speed / 6.0 * value}
         else:
             signals = {"reference": middle + amplitude * value, "v_ref": amplitude * rate}
@@ -110,7 +112,7 @@ def contact_scenarios(actuator: Actuator, loop: str, *, Ts: float = 1e-3) -> tup
     scale = _scale(actuator, loop, Ts)
     if actuator.end_stop_stiffness == 0.0:
         return ()
-    make = _velocity_contact if loop == "velocity" else _position_contact
+    make = _velocity_contact if controlled_quantity(loop).is_speed else _position_contact
     return tuple(make(actuator, scale, Ts, direction) for direction in (1.0, -1.0))
 
 
@@ -160,7 +162,7 @@ def _velocity_steps(actuator: Actuator, scale: Scale, Ts: float):
         return Scenario(
             name=name,
             kind=kind,
-            loop="velocity",
+            loop=VELOCITY.loop,
             Ts=Ts,
             reference=reference,
             y=y,
@@ -216,7 +218,7 @@ def _velocity_contact(actuator: Actuator, scale: Scale, Ts: float, direction: fl
     return Scenario(
         name=name,
         kind="saturated",
-        loop="velocity",
+        loop=VELOCITY.loop,
         Ts=Ts,
         reference=reference,
         y=y,
@@ -239,7 +241,7 @@ def _position_contact(actuator: Actuator, scale: Scale, Ts: float, direction: fl
     return Scenario(
         name=name,
         kind="saturated",
-        loop="position",
+        loop=POSITION.loop,
         Ts=Ts,
         reference=reference,
         y=y,
@@ -256,7 +258,7 @@ def _position_steps(actuator: Actuator, scale: Scale, Ts: float):
         return Scenario(
             name=name,
             kind=kind,
-            loop="position",
+            loop=POSITION.loop,
             Ts=Ts,
             reference=reference,
             y=y,

@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..digits import apart
+from ..loop.quantity import ControlledQuantity, LoopName
 from ..machine.actuator import Actuator
-from ..schedule.document import GAIN_UNITS
 from ..schedule.schedule import GainSchedule
 from ..simulation import Scenario
 from ..specification import Specification
@@ -132,7 +132,7 @@ def tune_search(
     x,
     y,
     *,
-    loop: str = "velocity",
+    loop: LoopName = "velocity",
     structure: str = "pi+notch",
     specification: Specification | None = None,
 ) -> SearchedTuning:
@@ -150,7 +150,10 @@ def tune_search(
     found = search_settings(task)
     before, after = (_tried(schedule, loads) for schedule in (found.specified, found.schedule))
     measured = zip(
-        _quantities(loop, task.specification.sample_time), before.values, after.values, strict=True
+        _quantities(task.quantity, task.specification.sample_time),
+        before.values,
+        after.values,
+        strict=True,
     )
     return SearchedTuning(
         schedule=after.schedule,
@@ -202,12 +205,12 @@ def _largest(
     )
 
 
-def _quantities(loop: str, Ts: float) -> tuple[tuple[str, str, float], ...]:
+def _quantities(quantity: ControlledQuantity, Ts: float) -> tuple[tuple[str, str, float], ...]:
     """(name, unit, what counts as none) of what `_tried` measures."""
     return (
         ("settling time", "s", Ts),
         ("overshoot of a step", "", _SMALLEST_OVERSHOOT),
         ("overshoot after saturation", "of the step", _SMALLEST_OVERSHOOT),
-        ("integral of |error| after a load step", "m" if loop == "velocity" else "m*s", 0.0),
-        ("gain at the Nyquist frequency", GAIN_UNITS[loop]["kp"], 0.0),
+        ("integral of |error| after a load step", quantity.integral_unit, 0.0),
+        ("gain at the Nyquist frequency", quantity.gain_units["kp"], 0.0),
     )

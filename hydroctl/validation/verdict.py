@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..digits import apart
+from ..loop.quantity import controlled_quantity
 from ..machine.actuator import Actuator
 from ..simulation.scenario import Scenario
 from .metrics import BAND, Metrics
@@ -85,7 +86,6 @@ _SETTLES = ("step", "saturated", "reversal")
 def default_requirements(scale: Scale, loop: str, *, Mt: float = 1.3) -> tuple[Requirement, ...]:
     """Requirements that follow from the machine (its time constant, pressures and stroke) and the
     design's Mt."""
-    unit = "m/s" if loop == "velocity" else "m"
     times = scale.settling / scale.time_constant
     return (
         Requirement(
@@ -106,7 +106,7 @@ def default_requirements(scale: Scale, loop: str, *, Mt: float = 1.3) -> tuple[R
         ),
         Requirement(
             "overshoot after saturation",
-            unit,
+            controlled_quantity(loop).unit,
             "what a step within the valve's range may overshoot: the integral must not have wound up",
             ("saturated",),
             lambda m: m.passing,
