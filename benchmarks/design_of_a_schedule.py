@@ -16,7 +16,6 @@ import numpy as np
 from scipy.optimize import minimize
 
 import hydroctl as hc
-from hydroctl.loop.design_plants import sampled_plants
 from hydroctl.loop.margins import Loop, analyse
 from hydroctl.loop.sampled_plant import SampledFamily, frequency_grid
 from hydroctl.regulator.structures import Regulators
@@ -31,9 +30,9 @@ def rows(*, smallest: bool) -> list[Row]:
     actuator, specification = hc.load_actuator("reference"), hc.Specification(uncertainty="corners")
     x = np.array([-1.0, 1.0] if smallest else [-1.0, -0.3, -0.02, 0.02, 0.3, 1.0])
     y = np.linspace(0.0, 0.5, 2 if smallest else 10)
-    _, plants = sampled_plants(actuator, x, y, "velocity", specification)
-    first = plants.shape[1] * plants.shape[2] * np.arange(plants.shape[0])
     best = hc.tune(actuator, x, y, structure=_STRUCTURE, specification=specification)
+    plants = best.sampled_plants(x, y)
+    first = plants.shape[1] * plants.shape[2] * np.arange(plants.shape[0])
     point = _Point(plants.take(first), best.specification)
 
     def tuned():

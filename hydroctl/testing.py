@@ -15,7 +15,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from .digits import EXACT, FEWEST, apart
-from .loop.design_plants import sampled_plants
 from .loop.margins import WORST_AT_MOST, Loop
 from .model.linearization import LinearFamily
 from .schedule.schedule import GainSchedule
@@ -95,7 +94,7 @@ def _outside(region: HalfPlane | DampingCone | Disk, pole: complex) -> str:
 def _poles(subject):
     if isinstance(subject, GainSchedule):
         x, y = subject.design_x, subject.design_y
-        labels, plants = sampled_plants(subject.actuator, x, y, subject.loop, subject.specification)
+        labels, plants = subject.plants.labels, subject.sampled_plants(x, y)
         regulators = subject.gains(x[:, None], y).broadcast_to(plants.shape)
         return Loop(
             plants, regulators

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 import hydroctl as hc
 from hydroctl.digits import apart
-from hydroctl.loop.design_plants import sampled_plants
 from hydroctl.loop.margins import Loop
 from hydroctl.model.operating_point import stall_force
 from hydroctl.report.page import against_limit, page, shown_unit
@@ -194,7 +193,7 @@ def test_a_pole_outside_by_a_hair_is_printed_outside(family, schedule):
 
 def test_a_sampled_pole_outside_by_a_hair_is_printed_outside(reference, schedule):
     x, y = schedule.design_x, schedule.design_y
-    _, plants = sampled_plants(reference, x, y, "velocity", schedule.specification)
+    plants = schedule.sampled_plants(x, y)
     largest = np.abs(
         Loop(plants, schedule.gains(x[:, None], y).broadcast_to(plants.shape)).poles()
     ).max()

@@ -23,7 +23,6 @@ a velocity loop leaves one pole at 1, the position itself, which is not counted.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -39,17 +38,13 @@ from ..regulator.prepared import regulator_of
 from ..regulator.scheduled import ScheduledRegulator
 from .sampled_plant import SampledFamily
 
-_INSIDE = 1e-3
-"""of a cell: the distance from its edges"""
 _STEP = 1e-6
 """of the command, or of a cell"""
-_V = 2
-"""place of the speed among the states of the plant"""
 
 
 @dataclass(frozen=True, eq=False)
-class CoupledLoops:
-    """The scheduled loops at openings x (mx,) and positions y (my,) in m, over variants of the
+class HiddenCoupling:
+    """The scheduled loops, whose gains move, at openings x (mx,) and positions y (my,) in m, over variants of the
     plant."""
 
     variants: tuple[str, ...]
@@ -70,24 +65,24 @@ class CoupledLoops:
         return float(self.pole_size[k, i, j]), self.variants[k], float(self.x[i]), float(self.y[j])
 
 
-def coupled_loops(
+def hidden_coupling(
     scheduled: ScheduledRegulator,
     variants: tuple[str, ...],
     x: np.ndarray,
     y: np.ndarray,
     plants: SampledFamily,
     speed: np.ndarray,
-) -> CoupledLoops:
+) -> HiddenCoupling:
     """The poles of the scheduled loops at x (mx,) by y (my,) m on `plants` (variants, mx, my), as
-    in `coupled_poles`."""
-    poles = coupled_poles(scheduled, x, y, plants, speed)
+    in `moving_poles`."""
+    poles = moving_poles(scheduled, x, y, plants, speed)
     if scheduled.measured == "v":
         neutral = np.argmin(np.abs(poles - 1.0), axis=-1)[..., None]
         np.put_along_axis(poles, neutral, 0.0, axis=-1)
-    return CoupledLoops(variants, x, y, np.abs(poles).max(axis=-1))
+    return HiddenCoupling(variants, x, y, np.abs(poles).max(axis=-1))
 
 
-def coupled_poles(
+def moving_poles(
     scheduled: ScheduledRegulator,
     x: np.ndarray,
     y: np.ndarray,
@@ -102,22 +97,13 @@ def coupled_poles(
     """
     law, by_m, by_y, command = _linear_law(scheduled, x, y, speed)
     A, B, read_y = plants.state_space()
-    read_v = np.eye(A.shape[-1])[[_V]]
+    read_v = np.pad(plants.speed, (0, A.shape[-1] - plants.speed.size))[None]
     inputs = by_m @ {"v": read_v, "y": read_y}[scheduled.measured] + by_y @ read_y
     upper = np.concatenate([A + B @ inputs[..., [command], :], B @ law[..., [command], :]], axis=-1)
     lower = np.concatenate([inputs, law], axis=-1)
     return np.linalg.eigvals(
         np.concatenate([upper, np.broadcast_to(lower, (*A.shape[:-2], *lower.shape[-2:]))], axis=-2)
     )
-
-
-def cell_points(nodes: np.ndarray) -> np.ndarray:
-    """The middle of every cell and two points just inside its edges; a single node stands for
-    itself."""
-    cells = [(a, b) for a, b in pairwise(nodes) if a * b >= 0.0]
-    inside = [a + share * (b - a) for a, b in cells for share in (_INSIDE, 0.5, 1.0 - _INSIDE)]
-    alone = [node for node in nodes if not any(node in cell for cell in cells)]
-    return np.sort([*inside, *(node * (1.0 - _INSIDE) for node in alone)])
 
 
 def _linear_law(scheduled: ScheduledRegulator, x: np.ndarray, y: np.ndarray, speed: np.ndarray):

@@ -19,13 +19,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..errors import InputError
-from ..model.characteristics import resonance
 from ..model.linearization import LinearFamily
 from .quantity import ControlledQuantity, LoopName, controlled_quantity
+from .speed_models import SpeedModels, of_linear_family
 
 _ARRAYS = ("transition", "entry", "eigenvalues", "residues", "resonance")
-_PRESSURE_SCALE = 1e6
 _WORST_CONDITION = 1e6
 """of eigenvectors that are used"""
 LOWEST_FREQUENCY = 1e-4
@@ -58,6 +56,8 @@ class SampledFamily:
     it"""
     output: np.ndarray
     """(n,): m from the state"""
+    speed: np.ndarray
+    """(n,): v from the state"""
     eigenvalues: np.ndarray
     """(..., n) lambda_i"""
     residues: np.ndarray
@@ -150,9 +150,23 @@ def sample(
 
     Every point of the family must be feasible; otherwise InputError names the first that is not.
     """
-    if not family.points.feasible.all():
-        raise InputError(str(family.points.reason[~family.points.feasible][0]))
-    A, B, output = _continuous(family, controlled_quantity(loop))
+    return sample_models(
+        of_linear_family(family),
+        controlled_quantity(loop),
+        sample_time=sample_time,
+        delay_samples=delay_samples,
+    )
+
+
+def sample_models(
+    models: SpeedModels,
+    quantity: ControlledQuantity,
+    *,
+    sample_time: float,
+    delay_samples: float,
+) -> SampledFamily:
+    """`models` behind a zero-order hold and a delay, read as `quantity`."""
+    A, B, output = models.read_as(quantity)
     whole = math.floor(delay_samples)
     times = sample_time, sample_time * (1.0 - (delay_samples - whole))
     rates, vectors = np.linalg.eig(A)
@@ -168,17 +182,16 @@ def sample(
         newest[parallel] = _held(A[parallel], B[parallel], times[1])[1]
     residues = (output @ vectors)[..., None] * np.stack([modal[1], modal[0] - modal[1]], axis=-1)
     residues[parallel] = np.nan
-    entry = np.stack([newest, total - newest], axis=-1)
-    resonances = np.stack(resonance(family), axis=-1)
     return SampledFamily(
-        sample_time,
-        whole,
-        transition,
-        entry,
-        output,
-        np.exp(rates * sample_time),
-        residues,
-        resonances,
+        sample_time=sample_time,
+        whole_delays=whole,
+        transition=transition,
+        entry=np.stack([newest, total - newest], axis=-1),
+        output=output,
+        speed=np.append(models.C, np.zeros(output.size - models.C.size)),
+        eigenvalues=np.exp(rates * sample_time),
+        residues=residues,
+        resonance=models.resonance,
     )
 
 
@@ -198,31 +211,6 @@ def _held(A, B, t: float):
     augmented[:, :n, :n], augmented[:, :n, n:] = A * t, B * t
     exact = expm(augmented)
     return exact[:, :n, :n], exact[:, :n, n]
-
-
-def _continuous(family: LinearFamily, quantity: ControlledQuantity):
-    """(A, B, output): the plant with pressures in MPa, then spool and spool rate of a valve with a
-    lag, then y if it is read."""
-    frequency, damping = (
-        family.points.actuator.valve_natural_frequency,
-        family.points.actuator.valve_damping,
-    )
-    valve = 0 if frequency is None else 2
-    n = 3 + valve + quantity.integrations
-    scale = np.array([_PRESSURE_SCALE, _PRESSURE_SCALE, 1.0])
-    A, B, output = np.zeros((*family.shape, n, n)), np.zeros((*family.shape, n, 1)), np.zeros(n)
-    A[..., :3, :3] = family.A * scale / scale[:, None]
-    if valve:
-        A[..., :3, 3:4] = family.B / scale[:, None]
-        A[..., 3, 4] = frequency
-        A[..., 4, 3:5] = -frequency, -2.0 * damping * frequency
-        B[..., 4, 0] = frequency
-    else:
-        B[..., :3, :] = family.B / scale[:, None]
-    if quantity.integrations:
-        A[..., -1, 2] = 1.0
-    output[-1 if quantity.integrations else 2] = 1.0
-    return A, B, output
 
 
 def frequency_grid(plant: SampledFamily, *, points: int = 120) -> np.ndarray:

@@ -11,7 +11,6 @@ from matplotlib.colors import Normalize
 from matplotlib.patches import Circle
 
 from ..errors import InputError, unknown_name
-from ..loop.design_plants import sampled_plants
 from ..loop.margins import Loop, analyse
 from ..loop.sampled_plant import frequency_grid
 from ..regulator.structures import series
@@ -45,9 +44,7 @@ _GAIN_WINDOW = 30.0
 def design_loops(schedule: GainSchedule, x: float, y: float) -> tuple[tuple[str, ...], Loop]:
     """(labels, loops): the loop at x and y (m) on every plant of the specification, shape
     (variants,); the first is nominal."""
-    labels, plants = sampled_plants(
-        schedule.actuator, [x], [y], schedule.loop, schedule.specification
-    )
+    labels, plants = schedule.plants.labels, schedule.sampled_plants([x], [y])
     return labels, Loop(plants, schedule.gains(x, y).broadcast_to(plants.shape)).take(
         np.arange(len(labels))
     )

@@ -10,13 +10,15 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from ..loop.design_plants import sampled_plants, with_midpoints
-from ..loop.hidden_coupling import CoupledLoops, cell_points, coupled_loops
+from ..loop.hidden_coupling import HiddenCoupling, hidden_coupling
+from ..loop.machine_plants import machine_plants
 from ..loop.margins import Loop, analyse
-from ..loop.quantity import ControlledQuantity, LoopName, controlled_quantity
+from ..loop.plant_family import PlantFamily
+from ..loop.points import cell_points
+from ..loop.quantity import POSITION, ControlledQuantity, LoopName, controlled_quantity
+from ..loop.sampled_plant import SampledFamily
 from ..machine.actuator import Actuator
 from ..model import plant
-from ..model.operating_point import find_operating_points
 from ..regulator.law import Compensation
 from ..regulator.scheduled import ScheduledRegulator
 from ..regulator.structures import Regulators
@@ -163,6 +165,23 @@ class GainSchedule:
         )
 
     @property
+    def plants(self) -> PlantFamily:
+        """The nominal plant and every variant of the specification."""
+        s = self.specification
+        return machine_plants(self.actuator, s.uncertainty, s.added_plants)
+
+    def sampled_plants(self, x, y, quantity: ControlledQuantity | None = None) -> SampledFamily:
+        """(variants, mx, my) models of `plants` from x[k] to what the loop controls, or to
+        `quantity`, at x (mx,) by y (my,) m; errors as in `PlantFamily.sampled`."""
+        return self.plants.sampled(
+            x,
+            y,
+            self.quantity if quantity is None else quantity,
+            sample_time=self.Ts,
+            delay_samples=self.delay_samples,
+        )
+
+    @property
     def regulators(self) -> Regulators:
         """The regulators at the nodes, shape (nx, ny)."""
         return self.regulator.regulators
@@ -176,7 +195,7 @@ class GainSchedule:
     def margins(self) -> ScheduleMargins:
         """Margins at the design points and half-way between them, for the nominal plant and every
         variant."""
-        return check_margins(self, with_midpoints(self.design_x), with_midpoints(self.design_y))
+        return check_margins(self, *self.plants.between(self.design_x, self.design_y))
 
     def save(self, path: str | Path) -> Path:
         """Write the schedule as JSON (see `schedule.document`), atomically."""
@@ -187,22 +206,25 @@ def check_margins(schedule: GainSchedule, x, y) -> ScheduleMargins:
     """Margins of `schedule` on the grid x (mx,) by y (my,), for every variant of its
     specification."""
     x, y = np.asarray(x), np.asarray(y)
-    labels, plants = sampled_plants(schedule.actuator, x, y, schedule.loop, schedule.specification)
+    plants = schedule.sampled_plants(x, y)
     regulators = schedule.gains(x[:, None], y).broadcast_to(plants.shape)
     designed = np.isin(x, schedule.design_x)[:, None] & np.isin(y, schedule.design_y)
-    return ScheduleMargins(labels, x, y, designed, analyse(Loop(plants, regulators)))
+    found = analyse(Loop(plants, regulators))
+    return ScheduleMargins(schedule.plants.labels, x, y, designed, found)
 
 
-def check_coupling(schedule: GainSchedule) -> CoupledLoops:
+def check_coupling(schedule: GainSchedule) -> HiddenCoupling:
     """The poles of the scheduled loops in every cell of the table, for every variant of the
     specification.
 
-    Raises InputError for a schedule that the law cannot run, as `simulate_closed_loop` does.
+    Models that are known at some points alone stand for what is nearest to them. Raises InputError
+    for a schedule that the law cannot run, as `simulate_closed_loop` does, and for plants whose
+    steady speeds are not known.
     """
     x, y = cell_points(schedule.x), cell_points(schedule.y)
-    labels, plants = sampled_plants(schedule.actuator, x, y, "position", schedule.specification)
-    points = find_operating_points(schedule.actuator, x[:, None], y)
-    return coupled_loops(schedule.regulator, labels, x, y, plants, points.v)
+    places = schedule.plants.nearest(x, y)
+    plants, speed = schedule.sampled_plants(*places, POSITION), schedule.plants.speed(*places)
+    return hidden_coupling(schedule.regulator, schedule.plants.labels, x, y, plants, speed)
 
 
 def load_schedule(path: str | Path) -> GainSchedule:

@@ -11,8 +11,10 @@ import numpy as np
 
 from ..digits import apart
 from ..errors import InputError, unknown_name
-from ..loop.design_plants import sampled_plants
+from ..loop.machine_plants import machine_plants
 from ..loop.margins import Loop, peaks
+from ..loop.plant_family import PlantFamily
+from ..loop.quantity import POSITION
 from ..loop.sampled_plant import SampledFamily, frequency_grid
 from ..machine.actuator import Actuator
 from ..regulator.structures import series
@@ -171,16 +173,23 @@ def _law_faults(schedules) -> list[str]:
 def _loops(actuator: Actuator, schedule: GainSchedule, modes, kc: float, ki: float):
     """(labels of the plants, loops over (modes, plants, x, y)); without modes one loop,
     uncoupled."""
-    labels, plants = sampled_plants(
-        actuator, schedule.design_x, schedule.design_y, "position", schedule.specification
-    )
+    s = schedule.specification
+    family = machine_plants(actuator, s.uncertainty, s.added_plants)
+    plants = _positions(family, schedule.design_x, schedule.design_y, schedule)
     plants = SampledFamily.stack([plants] * max(1, modes.size))
     regulators = schedule.gains(schedule.design_x[:, None], schedule.design_y).broadcast_to(
         plants.shape
     )
     weights = modes if modes.size else np.zeros(1)
     weights = np.broadcast_to(weights[:, None, None, None], plants.shape)
-    return labels, DifferenceLoop(Loop(plants, regulators), kc * weights, ki * weights)
+    return family.labels, DifferenceLoop(Loop(plants, regulators), kc * weights, ki * weights)
+
+
+def _positions(family: PlantFamily, x, y, schedule: GainSchedule) -> SampledFamily:
+    """(variants, mx, my) models from x[k] to the position, sampled as by the schedule."""
+    return family.sampled(
+        x, y, POSITION, sample_time=schedule.Ts, delay_samples=schedule.delay_samples
+    )
 
 
 def _worst(loops: Mapping[int, DifferenceLoop]) -> tuple[float, int, int]:
@@ -241,8 +250,7 @@ def largest_pole(
     )
     cylinders = []
     for actuator, schedule in zip(actuators, schedules, strict=True):
-        nominal = replace(schedule.specification, uncertainty="nominal", added_plants=())
-        _, plants = sampled_plants(actuator, x, y, "position", nominal)
+        plants = _positions(machine_plants(actuator), x, y, schedule)
         regulators = schedule.gains(x[:, None], y).broadcast_to(plants.shape)
         A, B, C = plants.state_space()
         cylinders.append(series(regulators.state_space(), (A, B, C, np.zeros((1, 1)))))

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -20,10 +19,10 @@ import numpy as np
 
 from ..errors import InputError
 from ..loop.allowances import ALLOWANCE
-from ..loop.design_plants import sampled, with_midpoints
 from ..loop.margins import Loop, analyse
+from ..loop.plant_family import Change
+from ..loop.points import with_midpoints
 from ..loop.sampled_plant import frequency_grid
-from ..machine.variants import box_of, variant_label
 from ..schedule.margins import WorstPoint
 from ..schedule.schedule import GainSchedule
 
@@ -65,8 +64,8 @@ class BoxSearch:
     worst: dict[str, WorstPoint]
     """by limit ("Ms", "Mt" and those that the specification states): the worst margin that was
     found"""
-    worse: tuple[Mapping[str, float], ...]
-    """plants, {parameter: value in SI} each, on which a limit is missed by more than the tuner
+    worse: tuple[Change, ...]
+    """what the plants differ by on which a limit is missed by more than the tuner
     tolerates"""
 
 
@@ -106,11 +105,12 @@ class _Search:
 
     def __init__(self, schedule: GainSchedule, x: np.ndarray, y: np.ndarray):
         self.schedule, self.x, self.y = schedule, x, y
-        self.box = box_of(schedule.actuator, schedule.specification.uncertainty)
-        if not self.box:
+        box = schedule.plants.box
+        if box is None:
             raise InputError(
                 f"uncertainty = {schedule.specification.uncertainty!r} counts its plants; there is no box to search."
             )
+        self.box = box
         designed = np.isin(x, schedule.design_x)[:, None] & np.isin(y, schedule.design_y)
         self.tolerated = np.where(designed, *_TOLERATED)
         stated = {name: getattr(schedule.specification, name) for name in _EXCESS}
@@ -136,7 +136,7 @@ class _Search:
         """The worst place of the sample at every opening for every limit: the corners of the box at
         all points, then each other plant at points of its own, evenly spread."""
         best: dict[tuple[int, int], _Place] = {}
-        corners, inside = _sample(len(self.box))
+        corners, inside = _sample(len(self.box.ends))
         for k, plant in enumerate([*corners, *inside]):
             rows, columns = (
                 self.spread(k, size, most)
@@ -205,21 +205,19 @@ class _Search:
     def loops(self, plants: np.ndarray, rows, columns) -> Loop:
         """(plants, rows, columns)"""
         s, x, y = self.schedule, self.x[rows], self.y[columns]
-        machines = {self.label(plant): s.actuator.replace(**self.change(plant)) for plant in plants}
-        models = sampled(machines, x, y, s.loop, s.specification)
+        family = self.box.plants([self.change(plant) for plant in plants])
+        models = family.sampled(x, y, s.quantity, sample_time=s.Ts, delay_samples=s.delay_samples)
         return Loop(models, s.gains(x[:, None], y).broadcast_to(models.shape))
 
     def change(self, plant: np.ndarray) -> dict[str, float]:
         """What the plant at these coordinates differs by, SI."""
         return {
             name: float(low + at * (high - low))
-            for (name, (low, high)), at in zip(self.box.items(), plant, strict=True)
+            for (name, (low, high)), at in zip(self.box.ends.items(), plant, strict=True)
         }
 
     def label(self, plant: np.ndarray) -> str:
-        return variant_label(
-            self.schedule.actuator, self.schedule.specification.uncertainty, self.change(plant)
-        )
+        return self.box.plants([self.change(plant)]).labels[0]
 
     def point(self, name: str, found: _Place) -> WorstPoint:
         """The margin of limit `name` at the place that was found."""

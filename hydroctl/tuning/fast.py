@@ -76,7 +76,7 @@ def tune_fast(
     made: list[FastTuning] = []
 
     def make(task: Task) -> GainSchedule:
-        made.append(_tuned(task, method, bandwidth))
+        made.append(_tuned(actuator, task, method, bandwidth))
         return made[-1].schedule
 
     on_the_whole_box(
@@ -87,10 +87,10 @@ def tune_fast(
     return made[-1]
 
 
-def _tuned(task: Task, method: str, bandwidth: float | None) -> FastTuning:
+def _tuned(actuator: Actuator, task: Task, method: str, bandwidth: float | None) -> FastTuning:
     """The regulators of the task, held to its limits at its points and on its plants."""
     reduced = reduce_order(
-        linearize(task.actuator, find_operating_points(task.actuator, task.x[:, None], task.y))
+        linearize(actuator, find_operating_points(actuator, task.x[:, None], task.y))
     )
     default = _default_bandwidth(method, reduced, task.specification)
     wanted = np.broadcast_to(default if bandwidth is None else bandwidth, reduced.shape)

@@ -14,13 +14,12 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..errors import InfeasibleError, InputError
-from ..machine.variants import counted_changes
+from ..loop.plant_family import Change
 from ..regulator.structures import GAINS, section_count
 from ..schedule.schedule import GainSchedule
 from .refinement import Problem, rough_gains
@@ -93,15 +92,17 @@ def search_settings(task: Task) -> SearchedSettings:
     return SearchedSettings(schedule, specified, best, ratio, tuple(trials))
 
 
-def _tried_plants(task: Task) -> tuple[Mapping[str, float], ...]:
+def _tried_plants(task: Task) -> tuple[Change, ...]:
     """What further plants of the task's box differ by on which settings are tried: the corners, so
     that none is worst for the specification's own settings alone, and those that are worst for
     these; none without a box."""
-    corners = counted_changes(task.actuator, task.specification.uncertainty)
-    others = [*corners, *worst_plants(task, scheduled)]
-    return tuple(
-        change for k, change in enumerate(others) if change not in [*task.changes, *others[:k]]
+    if task.family.box is None:
+        return ()
+    others, counted = (
+        [*task.family.box.corners, *worst_plants(task, scheduled)],
+        task.family.changes,
     )
+    return tuple(change for k, change in enumerate(others) if change not in [*counted, *others[:k]])
 
 
 def _settings(task: Task) -> dict[str, float]:

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import numpy as np
 
 from ..digits import apart
 from ..errors import InfeasibleError, InputError
 from ..loop.allowances import between_points
-from ..loop.design_plants import design_pressure_drops, with_midpoints
 from ..loop.margins import Loop, analyse, peaks
+from ..loop.plant_family import Change
+from ..loop.points import with_midpoints
 from ..loop.quantity import LoopName
 from ..machine.actuator import Actuator
-from ..machine.variants import box_of
-from ..model.operating_point import find_operating_points
 from ..regulator.structures import Regulators
 from ..schedule.schedule import GainSchedule
 from ..specification import Specification
@@ -33,7 +32,6 @@ _SEARCHES = 12
 _FEW = 4
 _NEAR = 0.02
 """by how much Ms and Mt may stay below their limits where a plant binds"""
-_LOW_FLOW = 0.1
 
 
 def tune(
@@ -73,7 +71,7 @@ def on_the_whole_box(
     """What `make` designs for the task and for the plants of its box on which it is worst: those
     that a search finds of the designs of `make_few` at a few points, then of those of `make`, until
     there is none that is worse than the ones it counts."""
-    if not box_of(task.actuator, task.specification.uncertainty):
+    if task.family.box is None:
         return make(task)
     few = task.part(_few(task.x), _few(task.y))
     schedule, _ = _until_none_is_worse(
@@ -82,12 +80,10 @@ def on_the_whole_box(
     return schedule
 
 
-def worst_plants(
-    task: Task, make: Callable[[Task], GainSchedule]
-) -> tuple[Mapping[str, float], ...]:
+def worst_plants(task: Task, make: Callable[[Task], GainSchedule]) -> tuple[Change, ...]:
     """What those plants of the task's box differ by on which designs of `make` are worst at its
     points; none without a box."""
-    if not box_of(task.actuator, task.specification.uncertainty):
+    if task.family.box is None:
         return ()
     return _binding_plants(*_until_none_is_worse(task, make, search_design_points))
 
@@ -96,14 +92,14 @@ def _until_none_is_worse(task: Task, make, search) -> tuple[GainSchedule, Task]:
     for _ in range(_SEARCHES):
         schedule = make(task)
         found = search(schedule)
-        new = tuple(change for change in found.worse if change not in task.changes)
+        new = tuple(change for change in found.worse if change not in task.family.changes)
         if not new:
             break
         task = task.with_plants(new).at(schedule.design_x, schedule.design_y)
     return schedule, task
 
 
-def _binding_plants(schedule: GainSchedule, task: Task) -> tuple[Mapping[str, float], ...]:
+def _binding_plants(schedule: GainSchedule, task: Task) -> tuple[Change, ...]:
     """What those plants of the task differ by on which `schedule` comes near a limit of Ms or Mt at
     a design point."""
     loops = Loop(
@@ -114,7 +110,7 @@ def _binding_plants(schedule: GainSchedule, task: Task) -> tuple[Mapping[str, fl
         found.Mt > schedule.specification.Mt - _NEAR
     )
     return tuple(
-        change for change, plant in zip(task.changes, near[1:], strict=True) if plant.any()
+        change for change, plant in zip(task.family.changes, near[1:], strict=True) if plant.any()
     )
 
 
@@ -252,8 +248,9 @@ def assemble_schedule(task: Task, nodes, regulators: Regulators) -> GainSchedule
             "itself, through kp(x), and the loop oscillates (see check_coupling). Use set_point_weight = 1, points at a single "
             "opening x, or tune_fixed."
         )
+    speeds = task.family.speed_gains()
     return GainSchedule(
-        actuator=task.actuator,
+        actuator=task.family.actuator,
         specification=task.searched_specification,
         loop=task.loop,
         structure=task.structure,
@@ -270,10 +267,13 @@ def assemble_schedule(task: Task, nodes, regulators: Regulators) -> GainSchedule
         sections=regulators.sections,
         Tt=_anti_windup_time(regulators.kp, regulators.ki, task.specification.sample_time),
         feed_forward=not task.quantity.is_speed,
-        pressure_drops=design_pressure_drops(task.actuator, task.x)
+        pressure_drops=task.family.pressure_drops(task.x)
         if task.specification.pressure_compensation
         else None,
-        **_speed_gains(task.actuator),
+        speed_gain_extend=speeds.gain_extend,
+        speed_gain_retract=speeds.gain_retract,
+        speed_offset_extend=speeds.offset_extend,
+        speed_offset_retract=speeds.offset_retract,
     )
 
 
@@ -286,26 +286,3 @@ def _anti_windup_time(kp, ki, sample_time: float) -> float:
     """
     times = _WINDUP_SHARE * kp[ki > 0.0] / ki[ki > 0.0]
     return float(max(np.median(times) if times.size else 0.0, _LEAST_WINDUP_SAMPLES * sample_time))
-
-
-def _speed_gains(actuator: Actuator) -> dict[str, float]:
-    """Feed-forward per direction: the straight line v = gain (x - offset) through the operating
-    points at a tenth of the flow and at full flow. InputError where the load or the leakage leaves
-    one of them without a motion."""
-    low = actuator.dead_band + _LOW_FLOW * (1.0 - actuator.dead_band)
-    points = find_operating_points(
-        actuator, np.array([-1.0, -low, low, 1.0]), actuator.stroke / 2.0
-    )
-    if not points.feasible.all():
-        reason = points.reason[~points.feasible][0]
-        raise InputError(
-            f"the feed-forward needs motion at full and at a tenth of the flow, either way: {reason}"
-        )
-    x, v = points.x, points.v
-    gain_retract, gain_extend = (v[1] - v[0]) / (x[1] - x[0]), (v[3] - v[2]) / (x[3] - x[2])
-    return {
-        "speed_gain_extend": float(gain_extend),
-        "speed_gain_retract": float(gain_retract),
-        "speed_offset_extend": float(x[2] - v[2] / gain_extend),
-        "speed_offset_retract": float(x[1] - v[1] / gain_retract),
-    }

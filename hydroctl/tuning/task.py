@@ -3,18 +3,18 @@ every loop."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..digits import apart
 from ..errors import InputError, unknown_name
-from ..loop.design_plants import sampled, sampled_plants
+from ..loop.machine_plants import machine_plants
+from ..loop.plant_family import Change, PlantFamily
 from ..loop.quantity import LOOPS, ControlledQuantity, LoopName, controlled_quantity
 from ..loop.sampled_plant import SampledFamily
 from ..machine.actuator import Actuator
-from ..machine.variants import box_of, changed_plants, counted_changes
 from ..regulator.structures import GAINS, STRUCTURES, Regulators, section_count
 from ..specification import Specification
 from .convex import Bounds
@@ -52,16 +52,14 @@ class Task:
     """What is to be tuned: the sampled plants (variants, nx, ny) at the points x by y, and for
     what."""
 
-    actuator: Actuator
+    family: PlantFamily
+    """the nominal plant and those that are counted; of a box, those that a search has found so
+    far"""
     specification: Specification
     loop: LoopName
     structure: str
     x: np.ndarray
     y: np.ndarray
-    changes: tuple[Mapping[str, float], ...]
-    """what the plants beside the nominal one differ by, {parameter: value in SI} each: those that
-    are counted; of a box, those that a search has found so far"""
-    labels: tuple[str, ...]
     plants: SampledFamily
 
     def part(self, rows, columns) -> Task:
@@ -74,29 +72,23 @@ class Task:
 
     def at(self, x: np.ndarray, y: np.ndarray) -> Task:
         """The same task at other points."""
-        _, plants = _modelled(self.actuator, self.specification, self.changes, x, y, self.loop)
+        plants = _sampled(self.family, x, y, self.loop, self.specification)
         return replace(self, x=x, y=y, plants=plants)
 
-    def with_plants(self, changes: tuple[Mapping[str, float], ...]) -> Task:
-        """The same task on further plants, {parameter: value in SI} each."""
-        changes = (*self.changes, *changes)
-        labels, plants = _modelled(
-            self.actuator, self.specification, changes, self.x, self.y, self.loop
-        )
-        return replace(self, changes=changes, labels=labels, plants=plants)
+    def with_plants(self, changes: Sequence[Change]) -> Task:
+        """The same task on further plants, which differ from the nominal one by `changes`."""
+        family = self.family.varied(changes)
+        plants = _sampled(family, self.x, self.y, self.loop, self.specification)
+        return replace(self, family=family, plants=plants)
 
     @property
     def searched_specification(self) -> Specification:
         """The specification, with the plants that were found in its box."""
-        counted = counted_changes(self.actuator, self.specification.uncertainty)
-        return replace(
-            self.specification,
-            added_plants=tuple(change for change in self.changes if change not in counted),
-        )
+        return replace(self.specification, added_plants=self.family.added_plants)
 
     def place(self, k: int, i: int, j: int) -> str:
         """The words for plant k at point (i, j)."""
-        return f"x={self.x[i]:g}, y={self.y[j]:g} m, {self.labels[k]} plant"
+        return f"x={self.x[i]:g}, y={self.y[j]:g} m, {self.family.labels[k]} plant"
 
     @property
     def notch_frequency(self) -> np.ndarray:
@@ -182,18 +174,13 @@ def task_of(
     if faults:
         raise InputError(faults)
     x, y = (np.atleast_1d(np.asarray(values, dtype=float)) for values in (x, y))
-    counted = (
-        []
-        if box_of(actuator, specification.uncertainty)
-        else counted_changes(actuator, specification.uncertainty)
-    )
-    changes = (*counted, *specification.added_plants)
-    labels, plants = _modelled(actuator, specification, changes, x, y, loop)
+    everything = machine_plants(actuator, specification.uncertainty, specification.added_plants)
     if "notch" in structure:
-        specification = _notch_settled(
-            specification, loop, sampled_plants(actuator, x, y, loop, specification)[1]
-        )
-    task = Task(actuator, specification, loop, structure, x, y, changes, labels, plants)
+        plants = _sampled(everything, x, y, loop, specification)
+        specification = _notch_settled(specification, loop, plants)
+    family = everything if everything.box is None else everything.box.inside
+    plants = _sampled(family, x, y, loop, specification)
+    task = Task(family, specification, loop, structure, x, y, plants)
     highest = task.notch_frequency.max()
     if (
         "notch" in structure or section_count(structure)
@@ -206,11 +193,16 @@ def task_of(
     return task
 
 
-def _modelled(actuator: Actuator, specification: Specification, changes, x, y, loop: str):
-    """(labels, sampled models over (plants, x, y)) of the nominal plant and those that differ by
-    `changes`."""
-    plants = changed_plants(actuator, specification.uncertainty, changes)
-    return tuple(plants), sampled(plants, x, y, loop, specification)
+def _sampled(
+    family: PlantFamily, x: np.ndarray, y: np.ndarray, loop: str, specification: Specification
+) -> SampledFamily:
+    return family.sampled(
+        x,
+        y,
+        controlled_quantity(loop),
+        sample_time=specification.sample_time,
+        delay_samples=specification.delay_samples,
+    )
 
 
 def _notch_settled(specification: Specification, loop: str, plants: SampledFamily) -> Specification:

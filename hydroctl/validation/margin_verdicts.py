@@ -9,7 +9,6 @@ import numpy as np
 
 from ..loop.allowances import between_points
 from ..loop.margins import MARGIN_UNITS, WORST_AT_MOST
-from ..machine.variants import box_of
 from ..schedule.margins import WorstPoint
 from ..schedule.schedule import GainSchedule, check_coupling
 from ..tuning.box import search_box
@@ -72,7 +71,7 @@ def margin_verdicts(schedule: GainSchedule) -> tuple[Verdict, ...]:
             variant,
         )
     )
-    return (*verdicts, _coupling_verdict(schedule))
+    return (*verdicts, _hidden_coupling_verdict(schedule))
 
 
 def with_failures(schedule: GainSchedule, verdicts: Iterable[Verdict]) -> GainSchedule:
@@ -81,10 +80,10 @@ def with_failures(schedule: GainSchedule, verdicts: Iterable[Verdict]) -> GainSc
     return replace(schedule, failed_checks=failed) if failed else schedule
 
 
-def _coupling_verdict(schedule: GainSchedule) -> Verdict:
-    coupled = check_coupling(schedule)
-    _, variant, x, y = coupled.worst
-    count, name = float(coupled.unstable), "unstable loops with the slopes of the gains"
+def _hidden_coupling_verdict(schedule: GainSchedule) -> Verdict:
+    found = check_coupling(schedule)
+    _, variant, x, y = found.worst
+    count, name = float(found.unstable), "unstable loops through hidden coupling"
     place = f"x={x:g}, y={y:g} m"
     return Verdict(
         name, "", "poles of the linearized law that runs", 0.0, count, count == 0.0, place, variant
@@ -95,7 +94,7 @@ def _box_verdicts(schedule: GainSchedule):
     """Every limit on the plants of the box that a search found worst, at and between the design
     points."""
     specification = schedule.specification
-    if not box_of(schedule.actuator, specification.uncertainty):
+    if schedule.plants.box is None:
         return
     between = between_points(specification)
     for field, worst in search_box(schedule).worst.items():

@@ -10,9 +10,9 @@ from exports import exported
 from loops import PlainRegulator
 
 import hydroctl as hc
-from hydroctl.loop.design_plants import sampled_plants
-from hydroctl.loop.hidden_coupling import coupled_poles
+from hydroctl.loop.hidden_coupling import moving_poles
 from hydroctl.loop.margins import Loop
+from hydroctl.loop.quantity import POSITION
 from hydroctl.schedule.schedule import check_coupling
 from hydroctl.validation.margin_verdicts import margin_verdicts
 
@@ -31,7 +31,7 @@ def schedules(reference):
 
 def _poles(schedule, x, y, plants):
     speed = hc.find_operating_points(schedule.actuator, x[:, None], y).v
-    return coupled_poles(schedule.regulator, x, y, plants, speed)
+    return moving_poles(schedule.regulator, x, y, plants, speed)
 
 
 def _weighted(schedule, b):
@@ -51,7 +51,7 @@ def test_with_constant_gains_the_law_that_runs_has_the_poles_of_the_design_loop(
     fixed = hc.tune_fixed(
         reference, X, Y, loop="position", structure=structure, specification=specification
     )
-    _, plants = sampled_plants(reference, *AT, "position", specification)
+    plants = fixed.sampled_plants(*AT, POSITION)
     found = _poles(fixed, *AT, plants)
     frozen = Loop(plants, fixed.gains(AT[0][:, None], AT[1]).broadcast_to(plants.shape)).poles()
     nearest = np.abs(frozen[..., :, None] - found[..., None, :]).min(axis=-1)
@@ -68,7 +68,7 @@ def test_a_proportional_loop_feeds_its_command_back_through_the_slope_of_kp(sche
     steep = replace(
         schedule, kp=schedule.kp * (1.0 + 0.5 * np.abs(schedule.x)[:, None]) * (1.0 + schedule.y)
     )
-    _, plants = sampled_plants(steep.actuator, *AT, "position", steep.specification)
+    plants = steep.sampled_plants(*AT, POSITION)
     found = _poles(steep, *AT, plants)
     A, B, C = plants.state_space()
     for i, j in np.ndindex(2, 2):
@@ -125,7 +125,7 @@ class _SteadyMotion:
 
     def __init__(self, schedule, x, y):
         self.schedule, self.x, self.y = schedule, x, y
-        _, plants = sampled_plants(schedule.actuator, [x], [y], "position", schedule.specification)
+        plants = schedule.sampled_plants([x], [y], POSITION)
         spaces = plants.state_space()
         self.A, self.B, self.read_y = (part.reshape(part.shape[-2:]) for part in spaces)
         self.v = float(hc.find_operating_points(schedule.actuator, x, y).v)
@@ -200,7 +200,7 @@ def test_the_poles_are_those_of_a_plain_regulator_around_a_steady_motion(law):
     """Another law, another lookup, another steady state, linearized together with the plant:
     nothing is collected term by term."""
     steep = _steep(exported(**LAWS[law]))
-    _, plants = sampled_plants(steep.actuator, *AT, "position", steep.specification)
+    plants = steep.sampled_plants(*AT, POSITION)
     found = _poles(steep, *AT, plants)[0]
     for i, j in np.ndindex(2, 2):
         expected = _SteadyMotion(steep, AT[0][i], AT[1][j]).poles()
@@ -219,7 +219,7 @@ def test_a_loop_that_is_unstable_only_at_the_edges_of_its_cells_along_x_is_found
     falling = np.array([30.0, 100.0, 100.0, 30.0])[:, None] * np.ones(3)
     schedule = replace(exported(loop="position", structure="p"), kp=falling)
     middles = _middles(schedule.x), _middles(schedule.y)
-    _, plants = sampled_plants(schedule.actuator, *middles, "position", schedule.specification)
+    plants = schedule.sampled_plants(*middles, POSITION)
     assert np.abs(_poles(schedule, *middles, plants)).max() < 1.0
     coupled = check_coupling(schedule)
     size, _, x, _ = coupled.worst
@@ -237,7 +237,7 @@ def test_a_loop_that_is_unstable_only_at_the_edges_of_its_cells_along_y_is_found
     dipped = np.array([14.0, 4.0, 14.0]) * np.ones((4, 1))
     schedule = replace(exported(loop="position", structure="p"), kp=dipped)
     middles = _middles(schedule.x), _middles(schedule.y)
-    _, plants = sampled_plants(schedule.actuator, *middles, "position", schedule.specification)
+    plants = schedule.sampled_plants(*middles, POSITION)
     assert np.abs(_poles(schedule, *middles, plants)).max() < 1.0
     coupled = check_coupling(schedule)
     slope = np.where(coupled.y < 0.2, -10.0 / 0.2, 10.0 / 0.3)
@@ -280,7 +280,7 @@ def test_every_plant_of_the_specification_is_looked_at_as_if_it_were_the_machine
 def test_tuned_schedules_are_stable_with_the_slopes_of_their_gains(schedules):
     for schedule in schedules.values():
         verdicts = {verdict.name: verdict for verdict in margin_verdicts(schedule)}
-        assert verdicts["unstable loops with the slopes of the gains"].passed
+        assert verdicts["unstable loops through hidden coupling"].passed
         assert check_coupling(schedule).unstable == 0
 
 
@@ -294,7 +294,7 @@ def test_a_set_point_weight_makes_a_loop_scheduled_on_x_oscillate(schedules):
     assert size > 1.0
     assert variant in coupled.variants
     assert not {v.name: v.passed for v in margin_verdicts(weighted)}[
-        "unstable loops with the slopes of the gains"
+        "unstable loops through hidden coupling"
     ]
     reference = np.where(np.arange(400) < 20, 0.45, 0.451)
     scenario = hc.Scenario(

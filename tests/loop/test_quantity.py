@@ -18,7 +18,7 @@ QUANTITIES = [controlled_quantity(loop) for loop in LOOPS]
 
 
 def test_every_loop_that_a_user_can_name_has_a_quantity():
-    assert LOOPS == get_args(LoopName)
+    assert get_args(LoopName) == LOOPS
     assert [quantity.loop for quantity in QUANTITIES] == list(LOOPS)
 
 

@@ -26,7 +26,6 @@ from hydroctl import (
     reduce_order,
     tune,
 )
-from hydroctl.loop.design_plants import sampled_plants
 from hydroctl.loop.margins import Loop, analyse
 
 X, Y = np.array([-0.8, -0.1, 0.1, 0.8]), np.array([0.05, 0.2, 0.35, 0.5])
@@ -218,7 +217,7 @@ def test_a_map_needs_a_grid():
 
 def open_loop(schedule, x, y) -> control.StateSpace:
     """The nominal sampled loop at a node, through python-control."""
-    _, plants = sampled_plants(schedule.actuator, [x], [y], schedule.loop, schedule.specification)
+    plants = schedule.sampled_plants([x], [y])
     A, B, C = plants.state_space()
     return control.ss(A[0, 0, 0], B[0, 0, 0], C, 0.0, schedule.Ts) * control.ss(
         schedule.gains(x, y).transfer_function()
@@ -258,9 +257,7 @@ def test_root_locus_leaves_the_unit_circle_at_the_gain_margin(schedule):
         10.0 ** np.asarray(lines.get_array()),
         np.abs(np.array(lines.get_segments())[:, 1] @ [1, 1j]),
     )
-    _, plants = sampled_plants(
-        schedule.actuator, [0.5], [0.4], schedule.loop, schedule.specification
-    )
+    plants = schedule.sampled_plants([0.5], [0.4])
     margin = analyse(Loop(plants, schedule.gains(0.5, 0.4).broadcast_to(plants.shape))).gain_margin[
         0, 0, 0
     ]

@@ -14,7 +14,6 @@ import pytest
 from machines import REFERENCE
 
 import hydroctl as hc
-from hydroctl.loop.design_plants import sampled_plants
 from hydroctl.loop.margins import MARGIN_UNITS, Loop, analyse
 from hydroctl.machine.variants import variants
 from hydroctl.model.characteristics import resonance
@@ -140,7 +139,7 @@ def rich_visit(browser, rich, tmp_path_factory):
 
 def loop_at(schedule, x, y, plant=0):
     """The loop of shape (1,) at one operating point on plant number `plant`."""
-    _, plants = sampled_plants(schedule.actuator, [x], [y], schedule.loop, schedule.specification)
+    plants = schedule.sampled_plants([x], [y])
     chosen = plants.take([plant])
     return Loop(chosen, schedule.gains(x, y).broadcast_to(chosen.shape))
 

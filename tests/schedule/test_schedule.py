@@ -7,7 +7,7 @@ import pytest
 from machines import DIFFERENTIAL
 
 import hydroctl as hc
-from hydroctl.loop.design_plants import design_pressure_drops
+from hydroctl.loop.machine_plants import machine_plants
 from hydroctl.loop.margins import MARGIN_UNITS
 from hydroctl.regulator import law
 from hydroctl.regulator.vectors import law_of
@@ -287,7 +287,7 @@ def test_the_designs_pressure_drops_are_those_over_the_edges_that_are_open(x, mi
     machine = LOADED.replace(load_force=load)
     expected = [_drops_by_hand(machine, middle) for middle in middles]
     assert abs(expected[0][0] / expected[1][0] - 1.0) > 0.05
-    np.testing.assert_allclose(design_pressure_drops(machine, x), expected, rtol=1e-9)
+    np.testing.assert_allclose(machine_plants(machine).pressure_drops(x), expected, rtol=1e-9)
 
 
 def test_the_pressure_ratio_is_one_in_the_motions_that_the_design_counts_on():

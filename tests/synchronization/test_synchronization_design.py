@@ -8,7 +8,6 @@ from groups import machines_of, pair, quartet, tuned
 
 import hydroctl as hc
 from hydroctl.errors import InputError
-from hydroctl.loop.design_plants import sampled_plants
 from hydroctl.loop.margins import Loop, analyse
 from hydroctl.regulator.structures import series
 from hydroctl.synchronization import Coupling, design_coupling
@@ -19,9 +18,7 @@ from hydroctl.synchronization.design import DifferenceLoop, group_poles
 def loops_of(schedule, y=None):
     """The loops (1, nx, ny) at the design openings, and at the design positions or at y."""
     y = schedule.design_y if y is None else np.array([y])
-    _, plants = sampled_plants(
-        schedule.actuator, schedule.design_x, y, "position", schedule.specification
-    )
+    plants = schedule.sampled_plants(schedule.design_x, y)
     return Loop(plants, schedule.gains(schedule.design_x[:, None], y).broadcast_to(plants.shape))
 
 

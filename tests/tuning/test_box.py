@@ -16,8 +16,8 @@ import pytest
 from scipy.optimize import minimize
 
 import hydroctl as hc
-from hydroctl.loop.design_plants import with_midpoints
 from hydroctl.loop.margins import Loop, analyse, peaks
+from hydroctl.loop.points import with_midpoints
 from hydroctl.loop.sampled_plant import SampledFamily, sample
 from hydroctl.machine.variants import box_of
 from hydroctl.tuning import default_points

@@ -9,7 +9,6 @@ from machines import DIFFERENTIAL
 from scipy import sparse
 
 import hydroctl as hc
-from hydroctl.loop.design_plants import sampled_plants
 from hydroctl.loop.margins import Loop, analyse
 from hydroctl.regulator import law
 from hydroctl.regulator.vectors import law_of
@@ -83,9 +82,7 @@ def test_medians_over_the_grid_of_designs_for_the_corners(
 
 def test_a_hundredth_more_integral_gain_breaks_a_limit_at_every_node(reference):
     schedule = hc.tune(reference, [-0.5, 0.5], [0.1, 0.4], specification=CORNERS)
-    _, plants = sampled_plants(
-        reference, schedule.x, schedule.y, "velocity", schedule.specification
-    )
+    plants = schedule.sampled_plants(schedule.x, schedule.y)
     more = replace(schedule.regulators, ki=1.01 * schedule.ki)
     assert np.all(analyse(Loop(plants, more.broadcast_to(plants.shape))).Ms.max(axis=0) > 1.6)
 
