@@ -36,6 +36,7 @@ _HOME = {
     "Trajectory": "simulation",
     "ValidationReport": "validation",
     "as_nonlinear_system": "model.plant",
+    "as_plant": "loop.as_plant",
     "campaign": "validation",
     "characterize": "model.characteristics",
     "check_coupling": "schedule",

@@ -14,6 +14,8 @@ from typing import Literal
 import numpy as np
 
 from ..errors import InputError, unknown_name
+from ..loop.as_plant import as_plant
+from ..loop.plant_family import PlantFamily
 from ..machine.actuator import Actuator
 from ..quasi_linear.bases import COEFFICIENTS, Basis
 from ..quasi_linear.model import SIDES, QuasiLinearModel, Surface
@@ -75,6 +77,11 @@ class Identification:
     deviation of at most 1 %"""
     restrictions: tuple[str, ...]
     iterations: int
+
+    def plant_family(self) -> PlantFamily:
+        """The model as plants for `tune` and the margins, where `masks` says that it is known; the
+        valve's lag is in it."""
+        return as_plant(self.model)
 
     def standard_deviation(self, x: float, y: float = 0.0) -> tuple[float, float, float]:
         """Of a1, a2 and b at one point, by the covariance. Raises InputError for a sign of x that

@@ -45,6 +45,26 @@ class SpeedModels:
         """The shape of the family."""
         return self.A.shape[:-2]
 
+    @classmethod
+    def stack(cls, families: Sequence[SpeedModels]) -> SpeedModels:
+        """Families of one shape and number of states, along a new first axis."""
+        A, B, modes = (
+            np.stack([getattr(family, name) for family in families])
+            for name in ("A", "B", "resonance")
+        )
+        return cls(A, B, families[0].C, modes)
+
+    def at(self, index) -> SpeedModels:
+        """The members that `index`, of arrays over the shape, selects."""
+        return replace(self, A=self.A[index], B=self.B[index], resonance=self.resonance[index])
+
+    def static_gain(self) -> np.ndarray:
+        """(...) dv/dx in m/s at rest; not finite for a model with an integrator."""
+        singular = np.linalg.matrix_rank(self.A) < self.C.size
+        A = np.where(singular[..., None, None], np.eye(self.C.size), self.A)
+        gain = -(np.linalg.solve(A, self.B)[..., 0] @ self.C)
+        return np.where(singular, np.inf, gain)
+
     def behind_valve(self, natural_frequency: float | None, damping: float) -> SpeedModels:
         """The same models behind a valve w^2/(s^2 + 2 zeta w s + w^2), its spool and the spool's
         rate over w as further states; unchanged for a valve without a `natural_frequency`

@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -62,7 +63,10 @@ class GainSchedule:
     """Gains at the nodes (nx, ny), the regulator law's constants, and the machine and limits that
     they were designed for."""
 
-    actuator: Actuator
+    actuator: Actuator | None = None
+    """the machine; None for a schedule of `models`"""
+    models: PlantFamily | None = None
+    """plants of which no machine is known; None for a schedule of a machine"""
     specification: Specification
     loop: LoopName
     """what is controlled: "velocity" or "position\""""
@@ -109,6 +113,27 @@ class GainSchedule:
     """requirements that its design found unmet or that an export passed over; empty: none is
     known"""
 
+    def __post_init__(self):
+        if (self.actuator is None) == (self.models is None):
+            raise InputError(
+                "a schedule is for an actuator or for models of one's own; give one of the two."
+            )
+        if self.actuator is None and (self.pressure_drops is not None or self.dead_band_inverse):
+            raise InputError(
+                "pressure_compensation and dead_band_inverse need the pressures and the valve of a "
+                "machine, which the models do not tell; leave them out."
+            )
+
+    @property
+    def machine(self) -> Actuator:
+        """The actuator. Raises InputError where there is none."""
+        if self.actuator is None:
+            raise InputError(
+                "this schedule was designed on linear models; the nonlinear machine that this needs "
+                "is not known. Design on the Actuator, or name one where an argument takes it."
+            )
+        return self.actuator
+
     @property
     def quantity(self) -> ControlledQuantity:
         """What the loop controls."""
@@ -152,23 +177,31 @@ class GainSchedule:
     @cached_property
     def regulator(self) -> ScheduledRegulator:
         """What runs on the machine: the tables and the constants of the law."""
-        s, p = self.specification, plant.parameters(self.actuator)
         return ScheduledRegulator(
             measured=self.quantity.signal,
             **{name: getattr(self, name) for name in _OF_THE_REGULATOR},
-            delay_samples=s.delay_samples,
-            compensation=None
-            if self.pressure_drops is None
-            else compensation_of(p, self.pressure_drops),
-            inverse_depth=s.dead_band_inverse * p.dead_band,
-            inverse_width=p.dead_band or 1.0,
+            delay_samples=self.delay_samples,
+            **self._of_the_machine(),
         )
+
+    def _of_the_machine(self) -> dict[str, Any]:
+        """The constants of the law that a machine's pressures and valve set."""
+        if self.actuator is None:
+            return {"compensation": None, "inverse_depth": 0.0, "inverse_width": 1.0}
+        p, drops = plant.parameters(self.actuator), self.pressure_drops
+        return {
+            "compensation": None if drops is None else compensation_of(p, drops),
+            "inverse_depth": self.dead_band_inverse * p.dead_band,
+            "inverse_width": p.dead_band or 1.0,
+        }
 
     @property
     def plants(self) -> PlantFamily:
-        """The nominal plant and every variant of the specification."""
+        """The nominal plant and every variant of the specification, or the schedule's `models`."""
+        if self.models is not None:
+            return self.models
         s = self.specification
-        return machine_plants(self.actuator, s.uncertainty, s.added_plants)
+        return machine_plants(self.machine, s.uncertainty, s.added_plants)
 
     def sampled_plants(self, x, y, quantity: ControlledQuantity | None = None) -> SampledFamily:
         """(variants, mx, my) models of `plants` from x[k] to what the loop controls, or to

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..digits import apart
 from ..errors import InfeasibleError, InputError
@@ -13,7 +15,6 @@ from ..loop.margins import Loop, analyse, peaks
 from ..loop.plant_family import Change
 from ..loop.points import with_midpoints
 from ..loop.quantity import LoopName
-from ..machine.actuator import Actuator
 from ..regulator.structures import Regulators
 from ..schedule.schedule import GainSchedule
 from ..specification import Specification
@@ -22,6 +23,9 @@ from .limits import limits_of, phrase
 from .nodes import choose_nodes, mixing_matrix
 from .refinement import Problem, broken, exact_gains, rough_gains
 from .task import Task, task_of
+
+if TYPE_CHECKING:
+    from ..loop.as_plant import Plant
 
 _WINDUP_SHARE, _LEAST_WINDUP_SAMPLES = 0.25, 10
 _DENSER = 9
@@ -35,9 +39,9 @@ _NEAR = 0.02
 
 
 def tune(
-    actuator: Actuator,
-    x,
-    y,
+    plant: Plant,
+    x: ArrayLike | None = None,
+    y: ArrayLike | None = None,
     *,
     loop: LoopName = "velocity",
     structure: str = "pi",
@@ -53,11 +57,16 @@ def tune(
     may miss their limits by 0.02, a gain margin by 2 %; where they miss more, these places become
     points too.
 
+    plant: an `Actuator`, or models as in `as_plant`. A machine varies by the specification's
+    uncertainty, models by their own variants: a specification for them states "nominal", or leaves
+    the default, and their schedule says "nominal". Of models on a grid x and y may be left out: they
+    are the grid's; between its points there is nothing to look at, and nothing is shown there.
+
     x must not hold 0 (see `GainSchedule`). Raises InputError for points that no linear model can
     describe, InfeasibleError where no gain meets the limits, or their largest crossover is below
     `min_crossover`.
     """
-    return schedule_for(task_of(actuator, x, y, loop, structure, specification))
+    return schedule_for(task_of(plant, x, y, loop, structure, specification))
 
 
 def schedule_for(task: Task) -> GainSchedule:
@@ -167,8 +176,10 @@ def _needed_points(task: Task, schedule: GainSchedule) -> tuple[np.ndarray, np.n
     too. Where it is missed at a design opening or position, the other coordinate is the one that
     lacks points.
     """
-    x, y = with_midpoints(schedule.design_x), with_midpoints(schedule.design_y)
+    x, y = task.family.between(schedule.design_x, schedule.design_y)
     quarters = with_midpoints(x)
+    if not task.family.defined(quarters, y).all():
+        return schedule.design_x, schedule.design_y
     plants = task.at(quarters, y).plants
     loops = Loop(plants, schedule.gains(quarters[:, None], y).broadcast_to(plants.shape))
     missed_there = broken(loops, between_points(schedule.specification, _DENSE)).any(axis=0)
@@ -183,9 +194,9 @@ def _needed_points(task: Task, schedule: GainSchedule) -> tuple[np.ndarray, np.n
 
 
 def tune_fixed(
-    actuator: Actuator,
-    x,
-    y,
+    plant: Plant,
+    x: ArrayLike | None = None,
+    y: ArrayLike | None = None,
     *,
     loop: LoopName = "velocity",
     structure: str = "pi",
@@ -198,7 +209,7 @@ def tune_fixed(
     middle of the nominal plant's natural frequencies. Arguments and errors as in `tune`.
     """
     return on_the_whole_box(
-        task_of(actuator, x, y, loop, structure, specification), _fixed_schedule, _fixed_schedule
+        task_of(plant, x, y, loop, structure, specification), _fixed_schedule, _fixed_schedule
     )
 
 
@@ -251,6 +262,7 @@ def assemble_schedule(task: Task, nodes, regulators: Regulators) -> GainSchedule
     speeds = task.family.speed_gains()
     return GainSchedule(
         actuator=task.family.actuator,
+        models=task.family if task.family.actuator is None else None,
         specification=task.searched_specification,
         loop=task.loop,
         structure=task.structure,
@@ -266,7 +278,7 @@ def assemble_schedule(task: Task, nodes, regulators: Regulators) -> GainSchedule
         zp=regulators.zp,
         sections=regulators.sections,
         Tt=_anti_windup_time(regulators.kp, regulators.ki, task.specification.sample_time),
-        feed_forward=not task.quantity.is_speed,
+        feed_forward=task.family.knows_speed and not task.quantity.is_speed,
         pressure_drops=task.family.pressure_drops(task.x)
         if task.specification.pressure_compensation
         else None,

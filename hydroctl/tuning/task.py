@@ -5,12 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..digits import apart
 from ..errors import InputError, unknown_name
-from ..loop.machine_plants import machine_plants
+from ..loop.as_plant import NOMINAL, as_plant
 from ..loop.plant_family import Change, PlantFamily
 from ..loop.quantity import LOOPS, ControlledQuantity, LoopName, controlled_quantity
 from ..loop.sampled_plant import SampledFamily
@@ -18,6 +19,9 @@ from ..machine.actuator import Actuator
 from ..regulator.structures import GAINS, STRUCTURES, Regulators, section_count
 from ..specification import Specification
 from .convex import Bounds
+
+if TYPE_CHECKING:
+    from ..loop.as_plant import Plant
 
 _SMALLEST_FLOW = 0.02
 _OPENINGS = np.array([_SMALLEST_FLOW, 0.06, 0.15, 0.4, 1.0])
@@ -162,10 +166,13 @@ class Task:
 
 
 def task_of(
-    actuator: Actuator, x, y, loop: str, structure: str, specification: Specification | None
+    plant: Plant, x, y, loop: str, structure: str, specification: Specification | None
 ) -> Task:
     """The task with its arguments checked: errors as in `tune`."""
     specification = Specification() if specification is None else specification
+    everything, specification = _family_of(plant, specification)
+    if x is None and y is None and everything.grid is not None:
+        x, y = everything.grid
     faults = [
         fault for name, values in (("x", x), ("y", y)) if (fault := _points_fault(name, values))
     ]
@@ -174,7 +181,6 @@ def task_of(
     if faults:
         raise InputError(faults)
     x, y = (np.atleast_1d(np.asarray(values, dtype=float)) for values in (x, y))
-    everything = machine_plants(actuator, specification.uncertainty, specification.added_plants)
     if "notch" in structure:
         plants = _sampled(everything, x, y, loop, specification)
         specification = _notch_settled(specification, loop, plants)
@@ -182,15 +188,36 @@ def task_of(
     plants = _sampled(family, x, y, loop, specification)
     task = Task(family, specification, loop, structure, x, y, plants)
     highest = task.notch_frequency.max()
-    if (
-        "notch" in structure or section_count(structure)
-    ) and highest >= np.pi / specification.sample_time:
+    shaped = "notch" in structure or section_count(structure) > 0
+    if shaped and task.notch_frequency.min() <= 0.0:
+        raise InputError(
+            f"structure = {structure!r} stands a notch or lead at the plant's natural frequency, "
+            "and a model has none; choose a structure without."
+        )
+    if shaped and highest >= np.pi / specification.sample_time:
         given, needed = apart(specification.sample_time, np.pi / highest, digits=3)
         raise InputError(
             f"sample_time = {given} s: a notch or lead at {highest:.4g} rad/s, where the plant's "
             f"natural frequency puts it, needs one below {needed} s. Sample faster or choose a structure without."
         )
     return task
+
+
+def _family_of(plant: Plant, specification: Specification) -> tuple[PlantFamily, Specification]:
+    """The plants that are to count, and the specification with what they vary by."""
+    given = specification.uncertainty
+    if isinstance(plant, Actuator):
+        added = specification.added_plants
+        return as_plant(plant, uncertainty=given, added_plants=added), specification
+    family = as_plant(plant)
+    if family.actuator is not None:
+        return _family_of(family.actuator, specification)
+    if given not in (Specification.uncertainty, NOMINAL) or specification.added_plants:
+        raise InputError(
+            f"uncertainty = {given!r} and added_plants vary the parameters of a machine; models "
+            "vary by their own variants (see as_plant)."
+        )
+    return family, replace(specification, uncertainty=NOMINAL)
 
 
 def _sampled(
@@ -229,6 +256,8 @@ def _notch_settled(specification: Specification, loop: str, plants: SampledFamil
 
 
 def _points_fault(name: str, values) -> str | None:
+    if values is None:
+        return f"{name} nodes are missing; only models on a grid have points of their own."
     try:
         points = np.atleast_1d(np.asarray(values, dtype=float))
     except (TypeError, ValueError):
