@@ -197,7 +197,7 @@ def validate(
         )
     loaded = hydroctl.load_schedule(schedule[0])
     if replay is not None:
-        machine, scenario, trajectory = validation.replay(loaded.actuator, loaded, replay)
+        machine, scenario, trajectory = validation.replay(loaded.machine, loaded, replay)
         metrics = validation.measure(machine, scenario, trajectory)
         typer.echo(
             "\n".join(
@@ -221,8 +221,8 @@ def validate(
                 "on_progress": advance,
             }
             cases["chunk_size"] = min(1024, 32 * math.ceil(count / 1024))
-            result = validation.campaign(loaded.actuator, loaded, **cases)
-        scale = validation.scale_of(loaded.actuator, loaded.loop)
+            result = validation.campaign(loaded.machine, loaded, **cases)
+        scale = validation.scale_of(loaded.machine, loaded.loop)
         verdicts = result.verdicts(
             validation.default_requirements(scale, loaded.loop, Mt=loaded.specification.Mt)
         )
@@ -233,7 +233,7 @@ def validate(
         )
         raise typer.Exit(0 if all(verdict.passed for verdict in verdicts) else 1)
     else:
-        report = validation.validate(loaded.actuator, loaded, variants=variants)
+        report = validation.validate(loaded.machine, loaded, variants=variants)
         typer.echo(report.summary())
         raise typer.Exit(0 if report.passed else 1)
 
@@ -266,7 +266,7 @@ def _synchronize(
     from . import synchronization
 
     schedules = [hydroctl.load_schedule(path) for path in paths]
-    machines = [schedule.actuator for schedule in schedules]
+    machines = [schedule.machine for schedule in schedules]
     with _stages(3) as begin:
         begin("coupling")
         designed = synchronization.design_coupling(machines, schedules, coupling)
@@ -355,7 +355,7 @@ def report(
     make_directory(path.parent)
     with _stages(4) as begin:
         begin("validation")
-        validation = hydroctl.validate(loaded.actuator, loaded)
+        validation = hydroctl.validate(loaded.machine, loaded)
         begin("fixed regulator")
         fixed = fixed_rival(loaded, loaded.structure)
         begin("comparison")

@@ -58,15 +58,13 @@ class Contents:
     @property
     def provenance(self) -> list[str]:
         """Lines that say what this is and where it comes from, harmless in every target."""
-        s, actuator = self.schedule, self.schedule.actuator
+        s = self.schedule
         given = [
             f"Gain-scheduled regulator of the {s.loop} of a hydraulic cylinder; structure {s.structure}.",
             f"Written by hydroctl {__version__}. Change the schedule and export it again; do not change this file.",
-            f"Machine: {actuator.name}",
-            f"Source: {actuator.source}",
-            f"Note: {actuator.note}",
+            *(f"{name.capitalize()}: {text}" for name, text in self.origin.items()),
             f"SHA-256 of the schedule: {self.document.fingerprint}",
-            f"SHA-256 of the machine's parameters: {actuator.fingerprint()}",
+            *self._fingerprint_of_the_machine,
             *map(self._worst, ("Ms", "Mt")),
         ]
         if self.document.failed_checks:
@@ -79,6 +77,23 @@ class Contents:
             for line in given
             for part in wrap(harmless(line), _WIDTH, subsequent_indent="    ")
         ]
+
+    @property
+    def origin(self) -> dict[str, str]:
+        """machine, source and note."""
+        actuator = self.schedule.actuator
+        if actuator is None:
+            count = len(self.schedule.plants.labels)
+            note = f"{count} linear models at each design point"
+            return {"machine": "not known", "source": "", "note": note}
+        return {"machine": actuator.name, "source": actuator.source, "note": actuator.note}
+
+    @property
+    def _fingerprint_of_the_machine(self) -> list[str]:
+        actuator = self.schedule.actuator
+        if actuator is None:
+            return []
+        return [f"SHA-256 of the machine's parameters: {actuator.fingerprint()}"]
 
     def _worst(self, name: str) -> str:
         worst = self.schedule.margins.worst(name)

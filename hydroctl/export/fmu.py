@@ -89,9 +89,10 @@ _STATES = (("p_a", "Pa"), ("p_b", "Pa"), ("v", "m/s"), ("y", "m"))
 
 def write_fmu(contents: Contents, path: Path) -> tuple[Path, ...]:
     """Write the regulator to `path`, and the plant beside it with _plant added to its name."""
+    machine = contents.schedule.machine
     regulator = regulator_fmu(contents, identifier(path.stem))
     plant_path = path.with_name(f"{path.stem}_plant.fmu")
-    return write_file(path, regulator), *export_plant(contents.schedule.actuator, plant_path)
+    return write_file(path, regulator), *export_plant(machine, plant_path)
 
 
 def export_plant(actuator: Actuator, path: str | Path) -> tuple[Path, ...]:

@@ -31,12 +31,10 @@ def write_matlab(contents: Contents, path: Path) -> tuple[Path, ...]:
 
 
 def _struct(contents: Contents) -> dict:
-    s, r, actuator = contents.schedule, contents.regulator, contents.schedule.actuator
+    s, r = contents.schedule, contents.regulator
     tables = {name: _at_least_two(getattr(s, name)) for name in contents.units}
     return {
-        "machine": actuator.name,
-        "source": actuator.source,
-        "note": actuator.note,
+        **contents.origin,
         "fingerprint": contents.document.fingerprint,
         "written_by": f"hydroctl {__version__}",
         "failed_checks": "; ".join(contents.document.failed_checks),

@@ -146,9 +146,7 @@ def stated_bound(contents: Contents, samples: int) -> float:
     """`bound` for references and measurements of the size of the stroke, or of the speed at full
     opening."""
     s, regulator = contents.schedule, contents.regulator
-    extent = (
-        s.actuator.stroke if regulator.position else max(s.speed_gain_extend, s.speed_gain_retract)
-    )
+    extent = s.travel if regulator.position else max(s.speed_gain_extend, s.speed_gain_retract)
     return bound(regulator, samples, extent)
 
 

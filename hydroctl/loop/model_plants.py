@@ -21,7 +21,7 @@ _SAME = 1e-9
 """of the largest node: the distance from which two are two"""
 
 
-class _ModelPlants(PlantFamily):
+class ModelPlants(PlantFamily):
     """What families of models without a machine have in common."""
 
     actuator = None
@@ -36,6 +36,11 @@ class _ModelPlants(PlantFamily):
     ) -> SampledFamily:
         models = self._models(x, y)
         return sample_models(models, quantity, sample_time=Ts, delay_samples=delay)
+
+    def on_grid(self, x: np.ndarray, y: np.ndarray) -> GridPlants:
+        """The models at x (mx,) by y (my,) m, and at these points alone."""
+        speeds = self.speed(x, y) if self.knows_speed else None
+        return GridPlants(self.labels, x, y, self._models(x, y), speeds)
 
     def pressure_drops(self, x) -> NoReturn:
         raise InputError(
@@ -58,7 +63,7 @@ class _ModelPlants(PlantFamily):
 
 
 @dataclass(frozen=True, eq=False)
-class GridPlants(_ModelPlants):
+class GridPlants(ModelPlants):
     """Models at the points x (nx,) by y (ny,) m, and nowhere else."""
 
     variants: tuple[str, ...]
@@ -128,7 +133,7 @@ class GridPlants(_ModelPlants):
 
 
 @dataclass(frozen=True, eq=False)
-class SurfacePlants(_ModelPlants):
+class SurfacePlants(ModelPlants):
     """The second-order models of quasi-linear `surfaces`, by variant, wherever all of them may be
     used.
 

@@ -30,7 +30,7 @@ def explorer_data(schedules: Mapping[str, GainSchedule]) -> dict:
     """What the explorer reads, of plain types, from schedules by name that share machine, loop and
     sampling; the first leads."""
     leading = next(iter(schedules.values()))
-    actuator, specification = leading.actuator, leading.specification
+    actuator, specification = leading.machine, leading.specification
     openings = opening_grid(actuator)
     return {
         "loop": leading.loop,

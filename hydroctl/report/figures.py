@@ -46,8 +46,8 @@ def map_data(schedule: GainSchedule) -> dict:
     ]
     if schedule.zz != schedule.zp or schedule.sections:
         layers.append(_layer("notch frequency", "Hz", _HERTZ * gains.notch_frequency))
-    points = find_operating_points(schedule.actuator, found.x[:, None], found.y)
-    natural, damping = resonance(linearize(schedule.actuator, points))
+    points = find_operating_points(schedule.machine, found.x[:, None], found.y)
+    natural, damping = resonance(linearize(schedule.machine, points))
     machine = {
         ("natural frequency", "Hz"): _HERTZ * natural,
         ("damping ratio", "1"): damping,

@@ -81,7 +81,7 @@ def page(
         run.scenario for run in validation.runs if run.variant == validation.runs[0].variant
     ]
     reports = {
-        name: validate(other.actuator, other, scenarios=scenarios) for name, other in beside.items()
+        name: validate(other.machine, other, scenarios=scenarios) for name, other in beside.items()
     }
     verdicts = (*margin_verdicts(schedule), *validation.verdicts)
     source = files("hydroctl.report").joinpath("templates")
@@ -148,7 +148,7 @@ def _typeset(number: str) -> str:
 
 def _require_alike(schedule: GainSchedule, beside: Mapping[str, GainSchedule]) -> None:
     def kind(one: GainSchedule):
-        return one.loop, one.Ts, one.delay_samples, one.actuator.parameters()
+        return one.loop, one.Ts, one.delay_samples, one.machine.parameters()
 
     if strange := [name for name, other in beside.items() if kind(other) != kind(schedule)]:
         raise InputError(
@@ -165,7 +165,7 @@ def _specification(schedule: GainSchedule) -> dict[str, object]:
 
 def _parameters(schedule: GainSchedule) -> list[tuple[str, float, str]]:
     """(name, value, unit) of the machine, as far as stated."""
-    given = schedule.actuator.parameters()
+    given = schedule.machine.parameters()
     return [
         (name, value, PARAMETERS[name].metadata["unit"])
         for name, value in given.items()

@@ -20,6 +20,7 @@ from ..files import write_file
 from ..loop.quantity import LoopName, controlled_quantity
 from ..machine.actuator import ADDED_LATER, PARAMETERS
 from ..regulator.law import LEAST_RATIO, MOST_RATIO
+from .models import PlantModels
 from .versions import upgraded
 
 SCHEMA = "hydroctl.gain-schedule"
@@ -327,7 +328,10 @@ class Document(_Part):
     controller: Controller
     scheduling: Scheduling
     feed_forward: FeedForward
-    actuator: Machine
+    actuator: Machine | None
+    """null where there are models in its place"""
+    models: PlantModels | None = None
+    """plants of which no machine is known; left out of the file of a machine"""
     design: Design
     failed_checks: list[str]
     """requirements on margins or nonlinear plant that the schedule is known not to meet"""

@@ -19,6 +19,7 @@ from ..regulator.structures import GAINS, STRUCTURES, require_structure, section
 from ..regulator.vectors import TOLERANCE, Vector, vectors_of
 from ..specification import Specification
 from . import document as d
+from .models import PlantModels, models_of, models_part
 from .versions import VERSION
 
 _LAW = (
@@ -92,13 +93,20 @@ def document_of(schedule, failed_checks: tuple[str, ...]) -> d.Document:
             tables=tables,
         ),
         feed_forward=feed_forward,
-        actuator=_machine(schedule.actuator),
+        actuator=None if schedule.actuator is None else _machine(schedule.actuator),
+        models=None if schedule.models is None else _models(schedule),
         design=design,
         failed_checks=list(failed_checks),
         test_vectors=_test_vectors(vectors_of(schedule.regulator), schedule.quantity),
         fingerprint=None,
     )
     return document.model_copy(update={"fingerprint": d.fingerprint(document)})
+
+
+def _models(schedule) -> PlantModels:
+    """The models at the points at which the margins are looked at."""
+    points = schedule.models.between(schedule.design_x, schedule.design_y)
+    return models_part(schedule.models, *points)
 
 
 def _machine(actuator: Actuator) -> d.Machine:
@@ -217,7 +225,8 @@ def fields_of(document: d.Document) -> dict:
     _require_consistent(document)
     x, y = (np.array(axis.values) for axis in document.scheduling.axes)
     return {
-        "actuator": _actuator(document.actuator),
+        "actuator": None if document.actuator is None else _actuator(document.actuator),
+        "models": None if document.models is None else models_of(document.models),
         "specification": _specification(document),
         "loop": document.loop,
         "structure": document.structure,

@@ -14,6 +14,7 @@ from ..errors import InputError
 from ..loop.hidden_coupling import HiddenCoupling, hidden_coupling
 from ..loop.machine_plants import machine_plants
 from ..loop.margins import Loop, analyse
+from ..loop.model_plants import ModelPlants
 from ..loop.plant_family import PlantFamily
 from ..loop.points import cell_points
 from ..loop.quantity import POSITION, ControlledQuantity, LoopName, controlled_quantity
@@ -65,7 +66,7 @@ class GainSchedule:
 
     actuator: Actuator | None = None
     """the machine; None for a schedule of `models`"""
-    models: PlantFamily | None = None
+    models: ModelPlants | None = None
     """plants of which no machine is known; None for a schedule of a machine"""
     specification: Specification
     loop: LoopName
@@ -133,6 +134,11 @@ class GainSchedule:
                 "is not known. Design on the Actuator, or name one where an argument takes it."
             )
         return self.actuator
+
+    @property
+    def travel(self) -> float:
+        """m: the farthest position, the stroke of the machine or the last of the design points."""
+        return float(self.design_y[-1]) if self.actuator is None else self.actuator.stroke
 
     @property
     def quantity(self) -> ControlledQuantity:

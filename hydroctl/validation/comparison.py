@@ -75,7 +75,7 @@ def proportional_rivals(schedule: GainSchedule) -> dict[str, GainSchedule]:
 def fixed_rival(schedule: GainSchedule, structure: str) -> GainSchedule:
     """One regulator of `structure` to the specification of `schedule`, at all of its design points.
     Raises InfeasibleError."""
-    points = schedule.actuator, schedule.design_x, schedule.design_y
+    points = schedule.machine, schedule.design_x, schedule.design_y
     return tune_fixed(
         *points, loop=schedule.loop, structure=structure, specification=schedule.specification
     )
@@ -154,7 +154,7 @@ def against_rivals(schedule: GainSchedule, fixed: GainSchedule) -> dict[str, Sta
     schedules = {"fixed": fixed, "scheduled": schedule}
     with suppress(InfeasibleError):
         schedules |= proportional_rivals(schedule)
-    machine, common = schedule.actuator, {"Ts": schedule.Ts}
+    machine, common = schedule.machine, {"Ts": schedule.Ts}
     scenarios = [
         *step_scenarios(machine, schedule.loop, **common),
         *tracking_scenarios(machine, schedule.loop, **common),

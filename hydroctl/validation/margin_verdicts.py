@@ -71,7 +71,9 @@ def margin_verdicts(schedule: GainSchedule) -> tuple[Verdict, ...]:
             variant,
         )
     )
-    return (*verdicts, _hidden_coupling_verdict(schedule))
+    if schedule.plants.knows_speed:
+        verdicts.append(_hidden_coupling_verdict(schedule))
+    return tuple(verdicts)
 
 
 def with_failures(schedule: GainSchedule, verdicts: Iterable[Verdict]) -> GainSchedule:

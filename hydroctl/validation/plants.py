@@ -15,6 +15,15 @@ if TYPE_CHECKING:
 NAMES = ("nominal", "design", "box")
 
 
+def require_machine(actuator: object) -> None:
+    """InputError for what has no nonlinear plant."""
+    if not isinstance(actuator, Actuator):
+        raise InputError(
+            f"actuator = {type(actuator).__name__}: a validation moves the nonlinear plant, with its "
+            "pressures, end stops and limits, which linear models do not have; give an Actuator."
+        )
+
+
 def plants_of(
     actuator: Actuator, schedule: GainSchedule, wanted: str | Mapping[str, Actuator]
 ) -> dict[str, Actuator]:

@@ -10,7 +10,7 @@ from ..errors import InputError, SimulationError
 from ..machine.actuator import Actuator
 from ..simulation import Scenario, Trajectory, simulate_closed_loop
 from .metrics import Metrics, measure
-from .plants import plants_of
+from .plants import plants_of, require_machine
 from .scale import scale_of
 from .scenarios import step_scenarios
 from .verdict import Requirement, Verdict, default_requirements, judge
@@ -75,10 +75,11 @@ def validate(
 
     `scenarios` default to `step_scenarios`, `requirements` to `default_requirements` of the nominal
     machine and the Mt of the schedule's specification. `variants`: see `plants_of`. A run that
-    fails is in the report with its reason; it raises nothing. Raises InputError for an unknown loop
-    or variant, for scenarios that do not fit the schedule and for a plant that cannot hold its load
+    fails is in the report with its reason; it raises nothing. Raises InputError for what is no Actuator, an unknown loop or
+    variant, for scenarios that do not fit the schedule and for a plant that cannot hold its load
     at rest.
     """
+    require_machine(actuator)
     if scenarios is None:
         scenarios = step_scenarios(actuator, schedule.loop, Ts=schedule.Ts)
     if not scenarios:

@@ -179,8 +179,8 @@ class _Trial(NamedTuple):
 
 
 def _tried(schedule: GainSchedule, loads: Sequence[Scenario]) -> _Trial:
-    steps = validate(schedule.actuator, schedule)
-    loaded = validate(schedule.actuator, schedule, scenarios=loads, requirements=())
+    steps = validate(schedule.machine, schedule)
+    loaded = validate(schedule.machine, schedule, scenarios=loads, requirements=())
     verdicts = (*margin_verdicts(schedule), *steps.verdicts)
     values = (
         _largest(
