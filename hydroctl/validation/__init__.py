@@ -17,7 +17,8 @@ from .metrics import Metrics, measure
 from .report import Run, ValidationReport, validate
 from .scale import Scale, scale_of
 from .scenarios import contact_scenarios, library, step_scenarios, tracking_scenarios
-from .verdict import Requirement, Verdict, default_requirements, failures
+from ..schedule.verdict import Verdict, failures
+from .verdict import Requirement, default_requirements
 
 __all__ = [
     "CampaignResult",

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..digits import apart
 from ..loop.quantity import controlled_quantity
 from ..machine.actuator import Actuator
+from ..schedule.verdict import Verdict
 from ..simulation.scenario import Scenario
 from .metrics import BAND, Metrics
 from .scale import Scale
@@ -29,54 +29,6 @@ class Requirement:
     achieved: Callable[[Metrics], float]
     limit: Callable[[Scenario, Actuator], float]
     """infinite where the machine states none: what was achieved is then a remark"""
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """One requirement's worst case over all scenarios and variants."""
-
-    name: str
-    unit: str
-    reason: str
-    limit: float
-    achieved: float
-    passed: bool
-    scenario: str
-    variant: str
-    at_least: bool = False
-    """whether `limit` is a minimum"""
-
-    @property
-    def is_remark(self) -> bool:
-        """True where there is no limit, so that nothing can fail: what was achieved is for the
-        reader to know."""
-        return self.limit == np.inf and not self.at_least
-
-    def __str__(self) -> str:
-        if np.isnan(self.achieved):
-            return f"FAIL  {self.name}: cannot be judged, the motion has no such number  ({self.scenario}; {self.variant})"
-        if self.is_remark:
-            achieved = f"{self.achieved:.4g} {self.unit}".rstrip()
-            return f"note  {self.name}: {achieved}, {self.reason} is not stated  ({self.scenario}; {self.variant})"
-        sign, word = (
-            (("<=", ">=")[self.at_least], "pass")
-            if self.passed
-            else ((">", "<")[self.at_least], "FAIL")
-        )
-        achieved, limit = apart(self.achieved, self.limit, digits=4)
-        where = f"({self.scenario}; {self.variant})"
-        if self.achieved == self.limit:
-            return (
-                f"{word}  {self.name}: "
-                + f"{achieved} {self.unit}".rstrip()
-                + f", the limit  {where}"
-            )
-        return f"{word}  {self.name}: {achieved} {sign} {limit} {self.unit}".rstrip() + f"  {where}"
-
-
-def failures(verdicts: Iterable[Verdict]) -> tuple[str, ...]:
-    """Those that failed, in words."""
-    return tuple(str(verdict) for verdict in verdicts if not verdict.passed)
 
 
 _ALL = ("step", "saturated", "reversal", "tracking")
@@ -113,7 +65,7 @@ def default_requirements(scale: Scale, loop: str, *, Mt: float = 1.3) -> tuple[R
             lambda *_: (Mt - 1.0) * scale.step,
         ),
         Requirement(
-            "lasting oscillation",
+            "residual oscillation",
             "",
             "half the settling band",
             _SETTLES,
@@ -137,7 +89,7 @@ def default_requirements(scale: Scale, loop: str, *, Mt: float = 1.3) -> tuple[R
             lambda _, plant: np.inf if plant.pressure_rating is None else plant.pressure_rating,
         ),
         Requirement(
-            "time below tank pressure",
+            "cavitation time",
             "s",
             "no chamber may cavitate",
             _ALL,
@@ -145,7 +97,7 @@ def default_requirements(scale: Scale, loop: str, *, Mt: float = 1.3) -> tuple[R
             lambda *_: 0.0,
         ),
         Requirement(
-            "passing of the stroke",
+            "overtravel",
             "m",
             "1 % of the stroke, for the give of the end stops",
             _ALL,

@@ -12,7 +12,7 @@ from ..loop.margins import MARGIN_UNITS, WORST_AT_MOST
 from ..schedule.margins import WorstPoint
 from ..schedule.schedule import GainSchedule, check_coupling
 from ..tuning.box import search_box
-from . import Verdict, failures
+from ..schedule.verdict import Verdict, failures
 
 _AT_NODES = 1.005
 """what the tuner's frequency grid may leave above a limit"""
