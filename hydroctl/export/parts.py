@@ -3,7 +3,7 @@ use."""
 
 from __future__ import annotations
 
-from ..regulator import law
+from ..regulator import compensation, law
 from .contents import Contents
 
 
@@ -23,9 +23,9 @@ def parts(contents: Contents) -> dict:
         "forward": s.feed_forward,
         "inverse": r.inverse_depth != 0.0,
         "k": r.compensation,
-        "least_ratio": law.LEAST_RATIO,
-        "most_ratio": law.MOST_RATIO,
-        "least_drop": law.LEAST_DROP,
+        "least_ratio": compensation.LEAST_RATIO,
+        "most_ratio": compensation.MOST_RATIO,
+        "least_drop": compensation.LEAST_DROP,
         "delay_samples": s.delay_samples,
         "provenance": contents.provenance,
     }

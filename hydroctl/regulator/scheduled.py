@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .law import Compensation
+from .compensation import Compensation
 from .lookup import interpolation
 from .structures import Regulators
 

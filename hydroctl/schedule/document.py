@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from ..errors import InputError, unknown_name
 from ..files import write_file
 from ..machine.actuator import ADDED_LATER, PARAMETERS
-from ..regulator.law import LEAST_RATIO, MOST_RATIO
+from ..regulator.compensation import LEAST_RATIO, MOST_RATIO
 from .versions import upgraded
 
 SCHEMA = "hydroctl.gain-schedule"

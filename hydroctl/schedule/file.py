@@ -13,7 +13,7 @@ from .. import __version__
 from ..errors import InputError
 from ..loop.margins import MARGIN_UNITS
 from ..machine.actuator import PARAMETERS, Actuator
-from ..regulator.law import LEAST_RATIO, MOST_RATIO
+from ..regulator.compensation import LEAST_RATIO, MOST_RATIO
 from ..regulator.structures import GAINS, STRUCTURES, require_structure, section_count
 from ..regulator.vectors import TOLERANCE, Vector, vectors_of
 from ..specification import Specification

@@ -16,7 +16,7 @@ from ..loop.margins import Loop, analyse
 from ..machine.actuator import Actuator
 from ..model import plant
 from ..model.operating_point import find_operating_points
-from ..regulator.law import Compensation
+from ..regulator.compensation import Compensation
 from ..regulator.scheduled import ScheduledRegulator
 from ..regulator.structures import Regulators
 from ..regulator.vectors import require_answers

@@ -9,7 +9,7 @@ from machines import DIFFERENTIAL
 import hydroctl as hc
 from hydroctl.loop.design_plants import design_pressure_drops
 from hydroctl.loop.margins import MARGIN_UNITS
-from hydroctl.regulator import law
+from hydroctl.regulator import compensation
 from hydroctl.regulator.vectors import law_of
 from hydroctl.schedule.schedule import check_margins
 
@@ -298,6 +298,6 @@ def test_the_pressure_ratio_is_one_in_the_motions_that_the_design_counts_on():
     points = hc.find_operating_points(LOADED, [-0.6, 0.3], 0.5)
     for x, p_a, p_b in zip(points.x, points.p_a, points.p_b, strict=True):
         for y in (0.1, 0.9):
-            assert law.pressure_ratio(x, y, p_a, p_b, law_of(made.regulator)) == pytest.approx(
+            assert compensation.step(x, y, p_a, p_b, law_of(made.regulator)) == pytest.approx(
                 1.0, rel=1e-9
             )
