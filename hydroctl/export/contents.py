@@ -12,8 +12,9 @@ import numpy as np
 from .. import __version__
 from ..errors import FailedChecksError
 from ..regulator.law import Regulator
+from ..regulator.units import GAIN_UNITS
 from ..regulator.vectors import Vector, law_of
-from ..schedule.document import GAIN_UNITS, Document
+from ..schedule.document import Document
 from ..schedule.file import document_of, vectors_in
 from ..validation import failures
 from ..validation.margin_verdicts import margin_verdicts

@@ -8,7 +8,7 @@ from matplotlib.colors import LogNorm, Normalize
 
 from ..errors import InputError, unknown_name
 from ..regulator.structures import STRUCTURES
-from ..schedule.document import GAIN_UNITS
+from ..regulator.units import GAIN_UNITS
 from ..schedule.margins import ScheduleMargins
 from ..schedule.schedule import GainSchedule
 from .style import (

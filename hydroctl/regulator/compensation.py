@@ -74,20 +74,22 @@ def step(opening, y, p_a, p_b, regulator):
     """What undoes the effect of the load on the gain: q_ref/q for the edges that the opening
     opens."""
     k = regulator.compensation
-    extends = opening >= 0.0
-    drop_a = np.where(extends, k.supply_pressure - p_a, p_a - k.tank_pressure)  # [Pa] open edge
-    drop_b = np.where(extends, p_b - k.tank_pressure, k.supply_pressure - p_b)  # [Pa]
+    is_extending = opening >= 0.0
+    drop_a = np.where(
+        is_extending, k.supply_pressure - p_a, p_a - k.tank_pressure
+    )  # [Pa] open edge
+    drop_b = np.where(is_extending, p_b - k.tank_pressure, k.supply_pressure - p_b)  # [Pa]
     root_a = np.sqrt(np.where(drop_a > LEAST_DROP, drop_a, LEAST_DROP))  # [Pa^0.5]
     root_b = np.sqrt(np.where(drop_b > LEAST_DROP, drop_b, LEAST_DROP))  # [Pa^0.5]
-    design_root_a = np.sqrt(np.where(extends, k.extend_drop_a, k.retract_drop_a))  # [Pa^0.5]
-    design_root_b = np.sqrt(np.where(extends, k.extend_drop_b, k.retract_drop_b))  # [Pa^0.5]
+    design_root_a = np.sqrt(np.where(is_extending, k.extend_drop_a, k.retract_drop_a))  # [Pa^0.5]
+    design_root_b = np.sqrt(np.where(is_extending, k.extend_drop_b, k.retract_drop_b))  # [Pa^0.5]
     y_inside = clipping.within(y, 0.0, k.stroke)  # [m]
-    weight_a = k.flow_a / (k.volume_a + k.area_a * y_inside)
-    weight_b = k.flow_b / (k.volume_b - k.area_b * y_inside)
+    weight_a = k.flow_a / (k.volume_a + k.area_a * y_inside)  # [m^2/s/Pa^0.5]
+    weight_b = k.flow_b / (k.volume_b - k.area_b * y_inside)  # [m^2/s/Pa^0.5]
     q_ref = weight_a * design_root_a + weight_b * design_root_b  # [m^2/s] of the design
     q = weight_a * root_a + weight_b * root_b  # [m^2/s] now
-    limited = clipping.within(q_ref / q, LEAST_RATIO, MOST_RATIO)
-    return np.where(regulator.compensated, limited, 1.0)
+    ratio = clipping.within(q_ref / q, LEAST_RATIO, MOST_RATIO)  # [1]
+    return np.where(regulator.compensated, ratio, 1.0)
 
 
 def absent(opening, y, p_a, p_b, regulator):

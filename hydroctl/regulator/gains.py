@@ -10,8 +10,8 @@ from . import clipping
 
 def clipped_opening(x, regulator):
     """x clipped to the nodes of its own side."""
-    lowest = np.where(x < 0.0, regulator.limits[0, 0], regulator.limits[1, 0])
-    highest = np.where(x < 0.0, regulator.limits[0, 1], regulator.limits[1, 1])
+    lowest = np.where(x < 0.0, regulator.limits[0, 0], regulator.limits[1, 0])  # [1] of its side
+    highest = np.where(x < 0.0, regulator.limits[0, 1], regulator.limits[1, 1])  # [1]
     return clipping.within(x, lowest, highest)
 
 
@@ -34,8 +34,8 @@ def corners(table, i, j, column):
 
     Beyond the last node of an axis stand its own values once more; the fraction is 0 there.
     """
-    next_i = np.where(i + 1 < table.shape[0], i + 1, i)
-    next_j = np.where(j + 1 < table.shape[1], j + 1, j)
+    next_i = np.where(i + 1 < table.shape[0], i + 1, i)  # the node after i
+    next_j = np.where(j + 1 < table.shape[1], j + 1, j)  # the node after j
     return (
         table[i, j, column],
         table[i, next_j, column],

@@ -40,9 +40,9 @@ def absent(w, regulator):
 def undone(x, regulator):
     """What the inverse of the dead band makes x of."""
     depth, width = regulator.inverse_depth, regulator.inverse_width
-    slope = 1.0 - depth
-    middle = slope * width + depth * (1.0 + width)
+    gain = 1.0 - depth  # [1]
+    middle = gain * width + depth * (1.0 + width)  # [1]
     size = np.where(x < 0.0, -x, x)  # [1] |x|
-    half = 0.5 * (middle - size)
-    passed = (np.sqrt(half * half + slope * size * width) - half) / slope
+    half = 0.5 * (middle - size)  # [1]
+    passed = (np.sqrt(half * half + gain * size * width) - half) / gain  # [1] for |x|
     return np.where(depth == 0.0, x, np.where(x < 0.0, -passed, passed))

@@ -5,12 +5,13 @@ printed from these lines (`printing`), the linear regulator follows from them (`
 At sample k, with the reference r, the measured quantity m (v for a velocity loop, y for a position
 loop), the measured y and, for the compensation of the pressures, p_a and p_b:
 
-    kp, ki, kd, wn   from the tables at (x[k-1], y)                 gains
-    m_f              filtered m                                     measurement_filter
-    u = kp (b r - m_f) + I + kd d                                   pid
-    w = ratio (notch(lead-lag(u)) + feed-forward(v_ref))            lead_lag, notch, feed_forward, compensation
-    x = inverse(w limited to [-1, 1])                               inverse
-    I += Ts (ki (r - m_f) + (w limited - w)/(ratio Tt))             pid
+    kp, ki, kd, wn   from the tables at (x[k-1], y)          gains
+    m_f              filtered m                              measurement_filter
+    u = kp (b r - m_f) + I + kd d                            pid
+    o = notch(lead-lag(u)) + feed-forward(v_ref)             lead_lag, notch, feed_forward
+    w = ratio o                                              compensation
+    x = inverse(w limited to [-1, 1])                        inverse
+    I += Ts (ki (r - m_f) + (w limited - w)/(ratio Tt))      pid
 
 Each structure is the module named at its right: its step, what it remembers, its settings, and what
 it comes to where a schedule does not use it (`absent`).
@@ -49,7 +50,7 @@ MEMORY = {name: text for structure in STRUCTURES for name, text in structure.MEM
     "running": "1 after a sample, 0 before the first and after a fault",
 }
 SETTINGS = {
-    "x": "[1] nodes of the opening, none is 0; below 0 the opening uses those below 0, else those above",
+    "x": "[1] nodes of the opening; below 0 the opening uses those below 0, else those above",
     "x_slope": "[1] 1/(distance to the next node), 0 at the last",
     "y": "[m] nodes of the position",
     "y_slope": "[1/m] 1/(distance to the next node), 0 at the last",
@@ -92,7 +93,8 @@ def regulate(reference, forward, measured, scheduled, memory, regulator):
     limited = clipping.within(wanted, -1.0, 1.0)  # [1]
     x = inverse.step(limited, regulator)  # [1] the command
     excess = (limited - wanted) / ratio  # [1] what the limit takes away
-    integral = pid.integrate(reference - filtered, excess, ki, memory, regulator)
+    error = reference - filtered  # [{m}]
+    integral = pid.integrate(error, excess, ki, memory, regulator)  # [1]
     return Memory(
         integral=integral,
         derivative=derivative,
@@ -169,18 +171,18 @@ def held(x, reference, forward, measured, scheduled, regulator):
     m = np.where(regulator.position, y, v)
     limited = inverse.undone(x, regulator)  # [1] the command before the inverse of the dead band
     opening = limited / compensation.step(limited, y, p_a, p_b, regulator)  # [1]
-    integral = pid.held(opening - forward, reference, m, kp, regulator)
+    integral = pid.held(opening - forward, reference, m, kp, regulator)  # [1]
     u = pid.proportional(reference, m, kp, regulator) + integral  # [1] before the filters
     w = np.tan(0.5 * wn * regulator.Ts)  # [1] the notch frequency, prewarped
-    rest = notch.rest(u, w, regulator)
+    settled = notch.rest(u, w, regulator)  # [1]
     return Memory(
         integral=integral,
         derivative=0.0,
         last=np.where(regulator.derives, pid.seen(reference, m, regulator), 0.0),
         section_1=lead_lag.rest(u, w, regulator.sections[0]),
         section_2=lead_lag.rest(u, w, regulator.sections[1]),
-        notch_1=rest,
-        notch_2=rest,
+        notch_1=settled,
+        notch_2=settled,
         filtered=m,
         x=x,
         running=1.0,

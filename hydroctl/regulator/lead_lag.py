@@ -27,19 +27,20 @@ def is_used(regulator) -> bool:
 
 def coefficients(w, section):
     """(b0, b1, a1) of a section (z, p) for w = tan(wn Ts/2)."""
-    zero = 1.0 / section[0]
-    pole = 1.0 / section[1]
-    b0 = (zero + w) / (pole + w)
-    b1 = (w - zero) / (pole + w)
-    a1 = (w - pole) / (pole + w)
+    zero = 1.0 / section[0]  # [1]
+    pole = 1.0 / section[1]  # [1]
+    b0 = (zero + w) / (pole + w)  # [1]
+    b1 = (w - zero) / (pole + w)  # [1]
+    a1 = (w - pole) / (pole + w)  # [1]
     return b0, b1, a1
 
 
 def step(u, w, state, section):
     """Section (s/(zero wn) + 1)/(s/(pole wn) + 1), Tustin prewarped at wn."""
     b0, b1, a1 = coefficients(w, section)
-    led = np.where(section[0] == section[1], u, b0 * u + state)
-    return led, np.where(section[0] == section[1], 0.0, b1 * u - a1 * led)
+    led = np.where(section[0] == section[1], u, b0 * u + state)  # [1]
+    new_state = np.where(section[0] == section[1], 0.0, b1 * u - a1 * led)  # [1]
+    return led, new_state
 
 
 def absent(u, w, state, section):

@@ -21,7 +21,8 @@ def is_used(regulator) -> bool:
 
 def step(measured, memory, regulator):
     """Filter of the measurement, backward Euler; it starts at the measurement."""
-    follows = measured + regulator.Tm / (regulator.Tm + regulator.Ts) * (memory.filtered - measured)
+    keep = regulator.Tm / (regulator.Tm + regulator.Ts)  # [1]
+    follows = measured + keep * (memory.filtered - measured)  # [{m}] after the first sample
     return np.where((memory.running == 0.0) | (regulator.Tm == 0.0), measured, follows)
 
 

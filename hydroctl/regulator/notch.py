@@ -24,12 +24,12 @@ def is_used(regulator) -> bool:
 
 def coefficients(w, zz, zp):
     """(b0, b1, b2, a2) for w = tan(wn Ts/2); a1 = b1."""
-    square = w * w
-    scale = 1.0 / (1.0 + 2.0 * zp * w + square)
-    b0 = (1.0 + 2.0 * zz * w + square) * scale
-    b1 = 2.0 * (square - 1.0) * scale
-    b2 = (1.0 - 2.0 * zz * w + square) * scale
-    a2 = (1.0 - 2.0 * zp * w + square) * scale
+    square = w * w  # [1]
+    scale = 1.0 / (1.0 + 2.0 * zp * w + square)  # [1]
+    b0 = (1.0 + 2.0 * zz * w + square) * scale  # [1]
+    b1 = 2.0 * (square - 1.0) * scale  # [1] a1, too
+    b2 = (1.0 - 2.0 * zz * w + square) * scale  # [1]
+    a2 = (1.0 - 2.0 * zp * w + square) * scale  # [1]
     return b0, b1, b2, a2
 
 
@@ -37,9 +37,9 @@ def step(u, w, memory, regulator):
     """Notch (s^2 + 2 zz wn s + wn^2)/(s^2 + 2 zp wn s + wn^2), Tustin prewarped at wn."""
     b0, b1, b2, a2 = coefficients(w, regulator.zz, regulator.zp)
     absent = regulator.zz == regulator.zp
-    notched = np.where(absent, u, b0 * u + memory.notch_1)
-    notch_1 = np.where(absent, 0.0, b1 * u - b1 * notched + memory.notch_2)
-    notch_2 = np.where(absent, 0.0, b2 * u - a2 * notched)
+    notched = np.where(absent, u, b0 * u + memory.notch_1)  # [1]
+    notch_1 = np.where(absent, 0.0, b1 * u - b1 * notched + memory.notch_2)  # [1]
+    notch_2 = np.where(absent, 0.0, b2 * u - a2 * notched)  # [1]
     return notched, notch_1, notch_2
 
 

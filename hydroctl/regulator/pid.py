@@ -2,10 +2,10 @@
 
     kp (b r - m_f) + I + kd d
 
-    d  = (Tf d + g - g[k-1])/(Tf + Ts),  g = c r - m_f       backward Euler; c = 1 on the error, 0 on m_f
+    d  = (Tf d + g - g[k-1])/(Tf + Ts),  g = c r - m_f       backward Euler
     I += Ts (ki (r - m_f) + excess/Tt)                       forward Euler, in units of x
 
-`excess` is what the limit of the command takes away (back-calculation). I stays 0 for a schedule
+c = 1 takes the derivative of the error, c = 0 that of m_f. `excess` is what the limit of the command takes away (back-calculation). I stays 0 for a schedule
 whose ki is 0 everywhere, d for one whose kd is.
 """
 
@@ -54,9 +54,11 @@ def seen(reference, m_f, regulator):
 def differentiate(reference, m, m_f, memory, regulator):
     """Derivative, backward Euler: (d, g)."""
     g = seen(reference, m_f, regulator)  # [{m}] what is differentiated
-    before = np.where(memory.running == 0.0, (regulator.c - 1.0) * m, memory.last)  # [{m}]
-    slope = (regulator.Tf * memory.derivative + g - before) / (regulator.Tf + regulator.Ts)
-    derivative = np.where(regulator.derives, slope, 0.0)
+    before = np.where(
+        memory.running == 0.0, (regulator.c - 1.0) * m, memory.last
+    )  # [{m}] the same, a sample ago
+    summed = regulator.Tf * memory.derivative + g - before  # [{m}]
+    derivative = np.where(regulator.derives, summed / (regulator.Tf + regulator.Ts), 0.0)  # [{m}/s]
     last = np.where(regulator.derives, g, 0.0)
     return derivative, last
 
@@ -68,11 +70,11 @@ def combine(reference, m_f, derivative, kp, kd, memory, regulator):
 
 def integrate(error, excess, ki, memory, regulator):
     """Integral, forward Euler, in units of x; back-calculation from the limit."""
-    gained = regulator.Ts * (ki * error + excess * regulator.tracking_rate)  # [1]
+    gained = regulator.Ts * (ki * error + excess * regulator.tracking_rate)  # [1] in this sample
     return np.where(regulator.integrates, memory.integral + gained, 0.0)
 
 
 def held(opening, reference, m, kp, regulator):
     """The integral that holds `opening`."""
-    needed = opening - proportional(reference, m, kp, regulator)
+    needed = opening - proportional(reference, m, kp, regulator)  # [1]
     return np.where(regulator.integrates, needed, 0.0)

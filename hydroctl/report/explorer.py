@@ -19,7 +19,7 @@ from ..model import plant
 from ..model.linearization import linearize
 from ..model.operating_point import find_operating_points
 from ..regulator.structures import GAINS
-from ..schedule.document import GAIN_UNITS
+from ..regulator.units import GAIN_UNITS
 from ..schedule.schedule import GainSchedule
 
 _LEAST_OPENING, _OPENINGS = 0.02, 99

@@ -11,7 +11,7 @@ from ..model.characteristics import resonance
 from ..model.linearization import linearize
 from ..model.operating_point import find_operating_points
 from ..regulator.structures import STRUCTURES
-from ..schedule.document import GAIN_UNITS
+from ..regulator.units import GAIN_UNITS
 from ..schedule.schedule import GainSchedule
 from ..simulation import Scenario, Trajectory
 from ..validation import ValidationReport

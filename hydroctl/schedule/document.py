@@ -19,14 +19,10 @@ from ..errors import InputError, unknown_name
 from ..files import write_file
 from ..machine.actuator import ADDED_LATER, PARAMETERS
 from ..regulator.compensation import LEAST_RATIO, MOST_RATIO
+from ..regulator.units import GAIN_UNITS
 from .versions import upgraded
 
 SCHEMA = "hydroctl.gain-schedule"
-GAIN_UNITS = {
-    "velocity": {"kp": "s/m", "ki": "1/m", "kd": "s^2/m", "notch_frequency": "rad/s"},
-    "position": {"kp": "1/m", "ki": "1/(m*s)", "kd": "s/m", "notch_frequency": "rad/s"},
-}
-"""units of the tables by loop, in the order of the file"""
 FALLBACK = "where an input, a state or x is not finite, x = 0, and the next sound sample is a start"
 SCHEMA_FILE = Path(__file__).with_name("schedule.schema.json")
 _LARGEST_FILE = 50_000_000

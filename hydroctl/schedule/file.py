@@ -15,6 +15,7 @@ from ..loop.margins import MARGIN_UNITS
 from ..machine.actuator import PARAMETERS, Actuator
 from ..regulator.compensation import LEAST_RATIO, MOST_RATIO
 from ..regulator.structures import GAINS, STRUCTURES, require_structure, section_count
+from ..regulator.units import GAIN_UNITS
 from ..regulator.vectors import TOLERANCE, Vector, vectors_of
 from ..specification import Specification
 from . import document as d
@@ -37,7 +38,7 @@ def law_text(loop: str) -> str:
 
 def document_of(schedule, failed_checks: tuple[str, ...]) -> d.Document:
     """The document that describes a `GainSchedule` in full, and the requirements that it fails."""
-    units = d.GAIN_UNITS[schedule.loop]
+    units = GAIN_UNITS[schedule.loop]
 
     axes = [
         d.Axis(name="x", signal="previous saturated x", unit="1", values=schedule.x.tolist()),
@@ -124,7 +125,7 @@ def _quantities(parameters: Mapping[str, float]) -> dict[str, d.Quantity]:
 
 def _test_vectors(vectors: list[Vector], loop: str) -> d.TestVectors:
     reference = "m/s" if loop == "velocity" else "m"
-    units = ["1", reference, "m/s", "Pa", "Pa", "m/s", "m", *d.GAIN_UNITS[loop].values(), "1"]
+    units = ["1", reference, "m/s", "Pa", "Pa", "m/s", "m", *GAIN_UNITS[loop].values(), "1"]
     rows = [[v.start, *v.inputs, *(v.gains or (None,) * 4), v.x] for v in vectors]
     finite = [
         [None if value is None or math.isnan(value) else value for value in row] for row in rows

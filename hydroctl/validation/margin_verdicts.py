@@ -10,7 +10,7 @@ import numpy as np
 from ..loop.allowances import between_points
 from ..loop.margins import MARGIN_UNITS, WORST_AT_MOST
 from ..machine.variants import box_of
-from ..schedule.document import GAIN_UNITS
+from ..regulator.units import GAIN_UNITS
 from ..schedule.margins import WorstPoint
 from ..schedule.schedule import GainSchedule, check_coupling
 from ..tuning.box import search_box

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..digits import apart
 from ..machine.actuator import Actuator
-from ..schedule.document import GAIN_UNITS
+from ..regulator.units import GAIN_UNITS
 from ..schedule.schedule import GainSchedule
 from ..simulation import Scenario
 from ..specification import Specification
