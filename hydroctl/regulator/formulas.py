@@ -52,7 +52,7 @@ def law_formulas(scheduled: ScheduledRegulator) -> dict:
     regulator = regulator_of(scheduled)
     measured = MEASURED_UNITS[scheduled.loop]
     taken = (*INPUTS, *MEMORY, *setting_names())
-    program = program_of(regulator, in_place=True, taken=tuple(set(taken) - {"x"}))
+    program = program_of(regulator, apart=(), taken=set(taken) - {"x"})
     return {
         "measured": "y" if regulator.position else "v",
         "inputs": [

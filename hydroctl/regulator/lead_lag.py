@@ -49,6 +49,6 @@ def absent(u, w, state, section):
 
 
 def rest(u, w, section):
-    """The state after u has stood for long."""
+    """Section after u has stood for long."""
     _, b1, a1 = coefficients(w, section)
     return np.where(section[0] == section[1], 0.0, (b1 - a1) * u)

@@ -49,6 +49,6 @@ def absent(u, w, memory, regulator):
 
 
 def rest(u, w, regulator):
-    """Both states after u has stood for long."""
+    """Notch after u has stood for long: both states."""
     _, _, b2, a2 = coefficients(w, regulator.zz, regulator.zp)
     return np.where(regulator.zz == regulator.zp, 0.0, (b2 - a2) * u)

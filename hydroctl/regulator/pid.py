@@ -52,11 +52,14 @@ def seen(reference, m_f, regulator):
 
 
 def differentiate(reference, m, m_f, memory, regulator):
-    """Derivative, backward Euler: (d, g)."""
+    """Derivative, backward Euler.
+
+    Returns (d, g).
+    """
     g = seen(reference, m_f, regulator)  # [{m}] what is differentiated
     before = np.where(
         memory.running == 0.0, (regulator.c - 1.0) * m, memory.last
-    )  # [{m}] the same, a sample ago
+    )  # [{m}] g, a sample ago
     summed = regulator.Tf * memory.derivative + g - before  # [{m}]
     derivative = np.where(regulator.derives, summed / (regulator.Tf + regulator.Ts), 0.0)  # [{m}/s]
     last = np.where(regulator.derives, g, 0.0)

@@ -18,7 +18,7 @@ from ..schedule.file import law_text
 from ..schedule.schedule import GainSchedule
 from ..validation import Standing, ValidationReport, Verdict, validate
 from ..validation.margin_verdicts import margin_verdicts
-from .explorer import explorer_data
+from .explorer import explorer_data, laws_script
 from .figures import map_data, trace_data
 
 _DIGITS = 4
@@ -112,8 +112,14 @@ def page(
             "traces": trace_data({"scheduled": validation} | reports),
         },
         styles=Markup(source.joinpath("page.css").read_text("utf-8")),
-        scripts=Markup("\n".join(source.joinpath(name).read_text("utf-8") for name in _SCRIPTS)),
+        scripts=Markup(
+            "\n".join((laws_script({"scheduled": schedule} | beside), *map(_script, _SCRIPTS)))
+        ),
     )
+
+
+def _script(name: str) -> str:
+    return files("hydroctl.report").joinpath("templates", name).read_text("utf-8")
 
 
 def shown(value: float, unit: str) -> str:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import partial
+from types import FunctionType
 
 import numpy as np
 
@@ -15,6 +17,7 @@ from .statements import (
     Array,
     Assign,
     Body,
+    Call,
     Constant,
     Expression,
     Function,
@@ -66,11 +69,16 @@ class Program:
         return [*own, *([self.look_up] if self.look_up else []), self.sample, self.start]
 
 
-def program_of(regulator: law.Regulator, *, in_place: bool, taken: tuple[str, ...] = ()) -> Program:
+def program_of(
+    regulator: law.Regulator,
+    *,
+    apart: Collection[FunctionType] = (*APART, gains.gains_at),
+    taken: Collection[str] = (),
+) -> Program:
     """The law that runs `regulator`.
 
-    in_place: functions and lookup are written where they are called, else apart. taken: names that
-    the target uses otherwise.
+    apart: what is not written in place, but as functions of their own, or, of the gains, as a
+    lookup. taken: names that the target uses otherwise.
     """
     loop = "position" if regulator.position else "velocity"
     words = {"m": MEASURED_UNITS[loop]} | GAIN_UNITS[loop]
@@ -81,25 +89,23 @@ def program_of(regulator: law.Regulator, *, in_place: bool, taken: tuple[str, ..
         for k, name in enumerate(TABLES)
     )
     functions: dict = {}
-    trace = partial(Trace, words=words, functions=functions)
-    if not in_place:
-        trace = partial(trace, apart=APART, looked_up=(gains.gains_at, used))
+    own = [function for function in apart if function is not gains.gains_at]
+    trace = partial(Trace, words=words, apart=own, functions=functions)
+    look_up = None
+    if gains.gains_at in apart:
+        look_up = _look_up(trace(), settings, taken)
+        trace = partial(trace, looked_up=(gains.gains_at, used))
     measured = tuple(inputs[name] for name in ("p_a", "p_b", "v", "y"))
     given = (inputs["reference"], inputs["v_ref"], measured)
     sample, acting = _sample(trace, given, settings, taken)
     start = trace()
     new = start.run(law.start, Name("start_x", place="input"), *given, settings)
     made = tidied(Body(start.statements, _fields(new, acting)), taken)
-    look_up = (
-        None
-        if in_place
-        else _look_up(Trace(words=words, apart=APART, functions=functions), settings)
-    )
     program = Program(
         look_up,
         _with_texts(sample, words),
         _with_texts(made, words),
-        tuple(one for one in functions.values() if isinstance(one, Function)),
+        _called(functions, [look_up, sample, made]),
         (),
         (),
         tuple(described(n, law.MEMORY[n], words, 0.0) for n in acting if n != "x"),
@@ -137,6 +143,19 @@ def _sample(trace, given: tuple, settings, taken) -> tuple[Body, list[str]]:
         acting |= read - {"running"}
 
 
+def _called(functions: dict, bodies: list[Body | None]) -> tuple[Function, ...]:
+    """The functions that any of the bodies calls, each after those that it calls itself."""
+    found: dict[str, Function] = {}
+    for body in bodies:
+        for part in read_by(body) if body else ():
+            if isinstance(part, Call) and isinstance(
+                made := functions.get(part.function), Function
+            ):
+                found |= {one.name: one for one in _called(functions, [made.body])}
+                found[made.name] = made
+    return tuple(found.values())
+
+
 def _with_texts(body: Body, words: dict) -> Body:
     """What a new number of the memory is, where its own statement does not say."""
     for field, value in body.results.items():
@@ -151,11 +170,11 @@ def _fields(memory: law.Memory, acting) -> dict[str, Expression]:
     return {field: getattr(memory, field) for field in law.MEMORY if field in acting}
 
 
-def _look_up(trace: Trace, settings) -> Body:
-    place = (Name("x", place="parameter"), Name("y", place="parameter"))
+def _look_up(trace: Trace, settings, taken) -> Body:
+    place = (Name("x", place="looked up"), Name("y", place="looked up"))
     found = trace.run(gains.gains_at, *place, settings)
     used = {name: e for name, e in zip(TABLES, found, strict=True) if known(e) is None}
-    return tidied(Body(trace.statements, used), ("x", "y"))
+    return tidied(Body(trace.statements, used), ("x", "y", *taken))
 
 
 def symbolic(regulator: law.Regulator) -> law.Regulator:

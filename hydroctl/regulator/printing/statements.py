@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 Kind = Literal["real", "int", "bool"]
-Place = Literal["local", "input", "memory", "gain", "parameter"]
+Place = Literal["local", "input", "memory", "gain", "parameter", "looked up"]
 _COMPARISONS = ("<", "<=", ">", ">=", "==", "!=")
 
 
@@ -120,6 +120,8 @@ class LookUp:
 
     x: Expression
     y: Expression
+    is_read: bool = True
+    """whether any gain is needed"""
 
 
 @dataclass
@@ -209,7 +211,7 @@ def expressions_of(statement: Statement) -> tuple:
             return (value,)
         case Count(_, _, _, condition):
             return (condition,)
-        case LookUp(x, y):
+        case LookUp(x, y, _):
             return x, y
     return ()
 

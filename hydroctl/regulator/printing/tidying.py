@@ -32,14 +32,21 @@ def _without_unused(body: Body) -> Body:
     """The body without statements that nothing needs, and without headings over nothing."""
     needed = {part for e in body.results.values() for part in parts_of(e)}
     kept: list[Statement] = []
-    for statement in reversed(body.statements):
+    for given in reversed(body.statements):
+        statement = given
         if isinstance(statement, Assign | Count) and statement.target not in needed:
             continue
         if isinstance(statement, Heading) and (not kept or isinstance(kept[-1], Heading)):
             continue
+        if isinstance(statement, LookUp):
+            statement = replace(statement, is_read=any(map(_is_gain, needed)))
         kept.append(statement)
         needed |= {part for e in expressions_of(statement) for part in parts_of(e)}
     return Body(kept[::-1], body.results)
+
+
+def _is_gain(part) -> bool:
+    return isinstance(part, Name) and part.place == "gain"
 
 
 def _without_repetition(body: Body) -> Body:
@@ -89,6 +96,6 @@ def _changed(statement: Statement, by: dict) -> Statement:
             return replace(
                 statement, target=by.get(target, target), condition=replaced(condition, by)
             )
-        case LookUp(x, y):
-            return LookUp(replaced(x, by), replaced(y, by))
+        case LookUp(x, y, is_read):
+            return LookUp(replaced(x, by), replaced(y, by), is_read)
     return statement

@@ -15,6 +15,7 @@ import re
 import textwrap
 import tokenize
 from collections.abc import Callable, Iterable
+from contextlib import contextmanager
 from functools import cache
 from types import FunctionType
 from typing import NamedTuple
@@ -124,6 +125,17 @@ class Trace:
         self.statements.append(Assign(name, value, *comment))
         return name
 
+    @contextmanager
+    def under_heading(self, is_call: bool):
+        """What a call returns is assigned before the heading of what was called ends."""
+        last = self.statements[-1] if self.statements else None
+        ends = is_call and isinstance(last, Heading) and not last.text
+        if ends:
+            self.statements.pop()
+        yield
+        if ends:
+            self.statements.append(Heading(""))
+
     def measure(self, statements: list[Statement], unit: str) -> None:
         """Real numbers without a unit, on the way to one that has it, are in that unit."""
         for statement in statements:
@@ -193,7 +205,9 @@ class _Frame:
                 return
             case ast.Assign([ast.Name(name)], value):
                 before, comment = len(self.trace.statements), self.comment(node)
-                self.bind(name, self.value(value, [name]), comment)
+                made = self.value(value, [name])
+                with self.trace.under_heading(isinstance(value, ast.Call)):
+                    self.bind(name, made, comment)
                 self.trace.measure(self.trace.statements[before:], comment[0])
             case ast.Assign([ast.Tuple(targets)], value):
                 names = [target.id for target in targets if isinstance(target, ast.Name)]
@@ -289,7 +303,8 @@ class _Frame:
         assert key.arg is not None
         value = self.value(key.value, [key.arg])
         if isinstance(value, _COMPUTED):
-            return self.trace.assigned(self.final(key.arg), value)
+            with self.trace.under_heading(isinstance(key.value, ast.Call)):
+                return self.trace.assigned(self.final(key.arg), value)
         return value
 
     def in_place(self, called: FunctionType, arguments: tuple, targets: list[str]):
