@@ -23,6 +23,7 @@ _HOME = {
     "InputError": "errors",
     "OperatingPointError": "errors",
     "ParallelForm": "regulator.forms",
+    "Proof": "schedule",
     "PoorFitWarning": "quasi_linear",
     "Record": "identification",
     "Scenario": "simulation",
@@ -52,6 +53,7 @@ _HOME = {
     "list_actuators": "machine.datasheet",
     "load_actuator": "machine.datasheet",
     "load_schedule": "schedule",
+    "prove": "proof",
     "read_record": "identification",
     "reduce_order": "quasi_linear",
     "replay": "validation",
@@ -68,7 +70,7 @@ _HOME = {
     "tune": "tuning",
     "tune_fast": "tuning",
     "tune_fixed": "tuning",
-    "tune_search": "validation.searched_tuning",
+    "tune_search": "proof.searched_tuning",
     "validate": "validation",
 }
 

@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -16,17 +17,19 @@ from .loop.quantity import LoopName
 from .machine.actuator import Actuator
 from .model.linearization import LinearFamily, linearize
 from .model.operating_point import OperatingPoints, find_operating_points
-from .proof.remarks import machine_remarks
+from .proof.prove import prove, proven
 from .quasi_linear.model import QuasiLinearModel
 from .quasi_linear.reduction import SecondOrderFamily, reduce_order
 from .quasi_linear.surfaces import PoorFitWarning, fit_surfaces
 from .report.summary import summarize, to_dict
+from .schedule.proof import Proof
 from .schedule.schedule import GainSchedule
+from .schedule.verdict import Verdict
 from .specification import Specification
 from .tuning import default_points, tune, tune_fixed
-from .validation import Standing, ValidationReport, Verdict, against_rivals, validate
-from .validation.margin_verdicts import margin_verdicts, with_failures
+from .validation import Standing, ValidationReport, against_rivals, validate
 
+Result = TypeVar("Result")
 STAGES = (
     "operating points",
     "linearization",
@@ -34,8 +37,8 @@ STAGES = (
     "surfaces",
     "tuning",
     "fixed regulator",
-    "margins",
     "validation",
+    "proof",
     "validation of the fixed regulator",
     "comparison",
 )
@@ -57,33 +60,38 @@ def design(
     order. `on_stage` is called with the name of each of the STAGES as it begins. Raises InputError
     for input that cannot be used, InfeasibleError where no regulator meets the specification.
     """
-    specification = Specification() if specification is None else specification
-    stage, seconds = _stopwatch(on_stage)
+    asked = (loop, structure, Specification() if specification is None else specification)
+    stage = _Stopwatch(on_stage)
     x, y = default_points(actuator)
-    between = actuator.dead_band + _BETWEEN * (1.0 - actuator.dead_band)
-    openings = np.unique(np.concatenate([x, -between, between]))
-    points = stage(
-        "operating points", lambda: find_operating_points(actuator, openings[:, None], y)
-    )
-    family = stage("linearization", lambda: linearize(actuator, points))
-    reduced = stage("reduction", lambda: reduce_order(family))
-    model, poor_fits = stage("surfaces", lambda: _surfaces(reduced))
-    remarks = (*machine_remarks(actuator, openings, y, specification), *poor_fits)
-    common = {"loop": loop, "structure": structure, "specification": specification}
-    schedule = stage("tuning", lambda: tune(actuator, x, y, **common))
-    fixed = stage("fixed regulator", lambda: tune_fixed(actuator, x, y, **common))
-    verdicts = stage("margins", lambda: margin_verdicts(schedule))
-    validation = stage("validation", lambda: validate(actuator, schedule))
-    fixed_validation = stage("validation of the fixed regulator", lambda: validate(actuator, fixed))
-    comparison = stage("comparison", lambda: against_rivals(schedule, fixed))
-    evidence = (verdicts, validation, fixed_validation, comparison)
-    judged = with_failures(schedule, [*verdicts, *validation.verdicts])
+    openings = _with_openings_between(actuator, x)
+    points = stage("operating points", find_operating_points, actuator, openings[:, None], y)
+    family = stage("linearization", linearize, actuator, points)
+    reduced = stage("reduction", reduce_order, family)
+    model, poor_fits = stage("surfaces", _surfaces, reduced)
+    schedule = stage("tuning", _tuned, tune, actuator, x, y, *asked)
+    fixed = stage("fixed regulator", _tuned, tune_fixed, actuator, x, y, *asked)
+    validation = stage("validation", validate, actuator, schedule)
+    proof = stage("proof", lambda: prove(schedule, validation=validation))
+    fixed_validation = stage("validation of the fixed regulator", validate, actuator, fixed)
+    comparison = stage("comparison", against_rivals, schedule, fixed)
     return Design(
-        actuator, points, family, reduced, model, remarks, judged, fixed, *evidence, seconds
+        actuator=actuator,
+        points=points,
+        family=family,
+        reduced=reduced,
+        model=model,
+        remarks=(*proof.remarks, *poor_fits),
+        schedule=proven(schedule, proof),
+        fixed=fixed,
+        proof=proof,
+        validation=validation,
+        fixed_validation=fixed_validation,
+        comparison=comparison,
+        seconds=stage.seconds,
     )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Design:
     """The results of every stage, and the verdicts on the schedule."""
 
@@ -97,10 +105,11 @@ class Design:
     remarks: tuple[str, ...]
     """what the user should know of the machine and of the reduced model"""
     schedule: GainSchedule
-    """with the requirements that it does not meet as its `failed_checks`"""
+    """with `proof`"""
     fixed: GainSchedule
     """one regulator for all points and variants, for comparison"""
-    margin_verdicts: tuple[Verdict, ...]
+    proof: Proof
+    """what was shown of the schedule, and what was not"""
     validation: ValidationReport
     fixed_validation: ValidationReport
     comparison: dict[str, Standing]
@@ -110,9 +119,14 @@ class Design:
     """time that each stage took"""
 
     @property
+    def margin_verdicts(self) -> tuple[Verdict, ...]:
+        """The verdicts on the linear loops, hidden coupling included."""
+        return self.proof.linear
+
+    @property
     def passed(self) -> bool:
         """True where every requirement on margins and on the nonlinear plant is met."""
-        return all(verdict.passed for verdict in self.margin_verdicts) and self.validation.passed
+        return self.proof.passed
 
     def summary(self) -> str:
         """The design in a screenful: verdicts first, then the worst points and the comparison with
@@ -161,15 +175,35 @@ def _surfaces(reduced: SecondOrderFamily) -> tuple[QuasiLinearModel | None, tupl
     return model, (*remarks, *(str(warning.message) for warning in caught))
 
 
-def _stopwatch(on_stage: Callable[[str], None] | None) -> tuple[Callable, dict[str, float]]:
-    seconds: dict[str, float] = {}
+def _with_openings_between(actuator: Actuator, x: np.ndarray) -> np.ndarray:
+    """The points x and openings of both signs between them, beyond the dead band."""
+    between = actuator.dead_band + _BETWEEN * (1.0 - actuator.dead_band)
+    return np.unique(np.concatenate([x, -between, between]))
 
-    def stage(name: str, work: Callable):
-        if on_stage is not None:
-            on_stage(name)
+
+def _tuned(
+    tuner: Callable[..., GainSchedule],
+    actuator: Actuator,
+    x: np.ndarray,
+    y: np.ndarray,
+    loop: LoopName,
+    structure: str,
+    specification: Specification,
+) -> GainSchedule:
+    return tuner(actuator, x, y, loop=loop, structure=structure, specification=specification)
+
+
+class _Stopwatch:
+    """Runs the stages, tells of each as it begins, and takes its time in s."""
+
+    def __init__(self, on_stage: Callable[[str], None] | None):
+        self.on_stage = on_stage
+        self.seconds: dict[str, float] = {}
+
+    def __call__(self, name: str, work: Callable[..., Result], *given: object) -> Result:
+        if self.on_stage is not None:
+            self.on_stage(name)
         start = time.perf_counter()
-        result = work()
-        seconds[name] = time.perf_counter() - start
+        result = work(*given)
+        self.seconds[name] = time.perf_counter() - start
         return result
-
-    return stage, seconds

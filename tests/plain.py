@@ -25,7 +25,12 @@ _NUMPY = SimpleNamespace(
 
 
 def plain(module: ModuleType, **replaced) -> SimpleNamespace:
-    names = vars(module) | {"np": _NUMPY} | replaced
+    called = {
+        name: plain(value)
+        for name, value in vars(module).items()
+        if isinstance(value, ModuleType) and value.__name__.startswith("hydroctl.regulator.")
+    }
+    names = vars(module) | {"np": _NUMPY} | called | replaced
     for name, value in vars(module).items():
         if (
             isinstance(value, FunctionType)

@@ -18,6 +18,7 @@ FUNCTIONS = {
     "limit": lambda lowest, value, highest: min(max(value, lowest), highest),
     "max": max,
     "min": min,
+    "sel": lambda condition, no, yes: yes if condition else no,
     "sqrt": np.sqrt,
     "tan": np.tan,
 }

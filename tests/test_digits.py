@@ -14,11 +14,11 @@ import hydroctl as hc
 from hydroctl.digits import apart
 from hydroctl.loop.margins import Loop
 from hydroctl.model.operating_point import stall_force
+from hydroctl.proof.margin_verdicts import margin_verdicts
 from hydroctl.report.page import against_limit, page, shown_unit
 from hydroctl.synchronization.coupling import CouplingEvidence
 from hydroctl.testing import Disk, HalfPlane, assert_margins, assert_poles_in
 from hydroctl.validation import Verdict, scale_of
-from hydroctl.validation.margin_verdicts import margin_verdicts
 
 FACTORS = (1.0, 1e-5, 1e3, 100.0, 180.0 / math.pi, 0.5 / math.pi)
 LINE = re.compile(r"(pass|FAIL)  .*: (\S+) (<=|>=|<|>) (\S+)(?: (\S+))?  \((.*)\)")

@@ -6,8 +6,10 @@ from math import isnan
 from pathlib import Path
 
 from ..files import write_file
+from ..regulator.printing.program import program_of
 from ..regulator.vectors import TOLERANCE
 from . import precision
+from .c_law import CLaw, CWriter
 from .contents import Contents
 from .parts import parts
 from .text import identifier, render, shortest
@@ -21,7 +23,11 @@ def write_c(contents: Contents, path: Path, real: str) -> tuple[Path, ...]:
 
 def sources(contents: Contents, name: str, real: str) -> tuple[bytes, bytes]:
     """(header, source) of the regulator `name` in "double" or "float"."""
-    values = parts(contents) | {
+    program = program_of(contents.regulator)
+    number = filters(real)["number"]
+    writer = CWriter(number, "f" if real == "float" else "")
+    values = parts(contents, program) | {
+        "law": CLaw(program, name, writer),
         "name": name,
         "NAME": name.upper(),
         "real": real,

@@ -3,24 +3,21 @@ from."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from textwrap import wrap
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .. import __version__
 from ..errors import FailedChecksError
+from ..proof.prove import standing_proof
 from ..regulator.law import Regulator
 from ..regulator.vectors import Vector, law_of
 from ..schedule.document import Document
 from ..schedule.file import document_of, vectors_in
-from ..validation import failures
-from ..validation.margin_verdicts import margin_verdicts
+from ..schedule.proof import Proof
+from ..schedule.schedule import GainSchedule
 from .text import harmless
-
-if TYPE_CHECKING:
-    from ..schedule.schedule import GainSchedule
 
 _WIDTH = 100
 
@@ -30,9 +27,12 @@ class Contents:
     """A schedule, ready to be written."""
 
     schedule: GainSchedule
+    """with the checks that it fails"""
+    proof: Proof
+    """its own, or that of its margins"""
     regulator: Regulator
     document: Document
-    """the schedule file, with the checks that failed"""
+    """the schedule file"""
 
     @property
     def vectors(self) -> list[Vector]:
@@ -67,11 +67,9 @@ class Contents:
             *self._fingerprint_of_the_machine,
             *map(self._worst, ("Ms", "Mt")),
         ]
-        if self.document.failed_checks:
-            given += [
-                "WRITTEN BY FORCE, ALTHOUGH THESE CHECKS FAILED:",
-                *self.document.failed_checks,
-            ]
+        given += [f"State of the proof: {self.proof.state}. Not shown:", *self.proof.not_shown]
+        if failed := self.schedule.failed_checks:
+            given += ["WRITTEN BY FORCE, ALTHOUGH THESE CHECKS FAILED:", *failed]
         return [
             part
             for line in given
@@ -96,16 +94,18 @@ class Contents:
         return [f"SHA-256 of the machine's parameters: {actuator.fingerprint()}"]
 
     def _worst(self, name: str) -> str:
-        worst = self.schedule.margins.worst(name)
+        worst = self.proof.worst(name)
         return f"{name} at worst {worst.value:.4g} ({worst.variant}, x = {worst.x:g}, y = {worst.y:g} m)"
 
 
 def contents_of(schedule: GainSchedule, *, force: bool = False) -> Contents:
-    """The contents of `schedule`. Raises FailedChecksError where it fails a check of its margins,
-    or failed one in its design, unless `force`."""
-    failed = tuple(dict.fromkeys([*failures(margin_verdicts(schedule)), *schedule.failed_checks]))
+    """The contents of `schedule`, which are judged by the proof that it carries, or by that of its
+    margins. Raises FailedChecksError where a check failed, unless `force`."""
+    proof = standing_proof(schedule)
+    failed = tuple(dict.fromkeys([*proof.failed_checks, *schedule.failed_checks]))
     if failed and not force:
         raise FailedChecksError(
             "the schedule fails its own checks; design it anew, or force the export:", failed
         )
-    return Contents(schedule, law_of(schedule.regulator), document_of(schedule, failed))
+    judged = replace(schedule, failed_checks=failed)
+    return Contents(judged, proof, law_of(judged.regulator), document_of(judged))

@@ -37,7 +37,7 @@ def _struct(contents: Contents) -> dict:
         **contents.origin,
         "fingerprint": contents.document.fingerprint,
         "written_by": f"hydroctl {__version__}",
-        "failed_checks": "; ".join(contents.document.failed_checks),
+        "failed_checks": "; ".join(contents.schedule.failed_checks),
         "loop": s.loop,
         "structure": s.structure,
         "lookup": _LOOKUP,

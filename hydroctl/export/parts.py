@@ -1,55 +1,29 @@
-"""What the templates of the law are filled with: its constants, and which of its parts are in
-use."""
+"""What the templates of the law are filled with, whatever the target."""
 
 from __future__ import annotations
 
-from ..regulator import law
+from ..regulator.law import inputs_read
+from ..regulator.printing.program import Program
 from .contents import Contents
+from .names import comment
 
 
-def parts(contents: Contents) -> dict:
-    """The values that the templates ask for, beside those that depend on the target."""
+def parts(contents: Contents, program: Program) -> dict:
+    """The values that the templates ask for, besides those that depend on the target."""
     r, s = contents.regulator, contents.schedule
-    tables = contents.tables
-    sections = [section for section in r.sections if section[0] != section[1]]
-    values = {
-        "integral": "ki" in tables,
-        "derivative": "kd" in tables,
-        "measurement_filter": r.Tm != 0.0,
-        "weighted": r.b != 1.0,
-        "on_error": r.c == 1.0,
-        "notch": r.zz != r.zp,
-        "sections": sections,
+    return {
+        "x": r.x,
+        "y": r.y,
+        "Ts": r.Ts,
+        "position": r.position,
+        "compensated": r.compensated,
+        "integral": r.integrates,
         "forward": s.feed_forward,
-        "inverse": r.inverse_depth != 0.0,
-        "k": r.compensation,
-        "least_ratio": law.LEAST_RATIO,
-        "most_ratio": law.MOST_RATIO,
-        "least_drop": law.LEAST_DROP,
         "delay_samples": s.delay_samples,
         "provenance": contents.provenance,
+        "tables": [{"name": name, "unit": contents.units[name]} for name in contents.tables],
+        "memory": [
+            {"name": one.name, "comment": comment(one.unit, one.text)} for one in program.memory
+        ],
+        "reads": inputs_read(r),
     }
-    return (
-        r._asdict()
-        | values
-        | {
-            "tables": [
-                {"name": name, "unit": contents.units[name], "rows": table.tolist()}
-                for name, table in tables.items()
-            ],
-            "fields": _fields(values),
-            "reads": law.inputs_read(r),
-        }
-    )
-
-
-def _fields(used: dict) -> list[str]:
-    """The memory's numbers besides x."""
-    fields = {
-        "integral": ["integral"],
-        "derivative": ["derivative", "last"],
-        "measurement_filter": ["filtered"],
-        "sections": [f"section_{k + 1}" for k in range(len(used["sections"]))],
-        "notch": ["notch_1", "notch_2"],
-    }
-    return [name for part, names in fields.items() if used[part] for name in names]

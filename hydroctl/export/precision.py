@@ -9,12 +9,12 @@ signs: what is seen is commonly a hundredth of that.
 
 from __future__ import annotations
 
-from types import FunctionType
+from types import FunctionType, SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
 
-from ..regulator import absent_law, law
+from ..regulator import feed_forward, gains, law
 from ..regulator.vectors import Vector
 from .contents import Contents
 
@@ -168,7 +168,7 @@ def bound(regulator: law.Regulator, samples: int, extent: float) -> float:
     x, y = (
         nodes.ravel() for nodes in np.meshgrid(_INSIDE * regulator.x, regulator.y, indexing="ij")
     )
-    kp = law.gains_at(x, y, regulator)[0]
+    kp = gains.gains_at(x, y, regulator)[0]
     error = np.clip(-x / np.where(kp == 0.0, np.inf, kp), -extent, extent)
     measured = y if regulator.position else np.full(x.shape, extent)
 
@@ -215,12 +215,12 @@ def gain_tolerances(regulator: law.Regulator, vectors: list[Vector]) -> list[tup
     the others."""
     found = []
     for vector in vectors:
-        gains = (
+        looked_up = (
             ()
             if vector.start is None
             else _look_up(np.array([vector.start]), np.array([vector.inputs[-1]]), regulator)
         )
-        found.append(tuple(float(gain.error[0]) for gain in gains) or (0.0,) * 4)
+        found.append(tuple(float(gain.error[0]) for gain in looked_up) or (0.0,) * 4)
     return found
 
 
@@ -243,12 +243,12 @@ def _started(x: np.ndarray, inputs, regulator: law.Regulator) -> Sample:
     roundings = _Roundings(x.size)
     reference, v_ref, *measured = inputs
     written = roundings.written(regulator)
-    gains = [
+    scheduled = [
         roundings.rounded(found.value, found.error)
         for found in _look_up(x, measured[-1], regulator)
     ]
     x = _Number(x, np.zeros(roundings.shape), roundings)
-    new = law.held(x, reference, law.feed_forward(v_ref, written), measured, gains, written)
+    new = law.held(x, reference, feed_forward.step(v_ref, written), measured, scheduled, written)
     return _followed(new, roundings)
 
 
@@ -262,26 +262,24 @@ def linear_sample(
     reference, v_ref, *measured = (
         roundings.rounded(value, input_error * np.abs(value)) for value in inputs
     )
-    gains = []
+    scheduled = []
     for found in _look_up(remembered.x.value, measured[-1].value, regulator):
         effects = found.by_x * remembered.x.effects + found.by_y * measured[-1].effects
-        gains.append(roundings.rounded(found.value, found.error, effects))
-    forward = law.feed_forward(v_ref, written)
+        scheduled.append(roundings.rounded(found.value, found.error, effects))
+    forward = feed_forward.step(v_ref, written)
     return _followed(
-        _regulate(regulator)(reference, forward, measured, gains, remembered, written), roundings
+        _regulate(regulator)(reference, forward, measured, scheduled, remembered, written),
+        roundings,
     )
 
 
 def _regulate(regulator: law.Regulator):
     """`law.regulate` without the effects that exported code leaves out."""
-    used = {
-        "filtered": regulator.Tm != 0.0,
-        "lead_lag": any(zero != pole for zero, pole in regulator.sections),
-        "notch": regulator.zz != regulator.zp,
-        "pressure_ratio": regulator.compensated,
-        "inverse": regulator.inverse_depth != 0.0,
+    absent = {
+        structure.__name__.rpartition(".")[2]: SimpleNamespace(step=structure.absent)
+        for structure in law.STRUCTURES
+        if hasattr(structure, "absent") and not structure.is_used(regulator)
     }
-    absent = {name: getattr(absent_law, name) for name, use in used.items() if not use}
     return FunctionType(law.regulate.__code__, vars(law) | absent)
 
 
@@ -310,19 +308,19 @@ def _look_up(x: np.ndarray, y: np.ndarray, regulator: law.Regulator) -> list[_Lo
     Rounded are the four entries, three operations along y twice and three along x, and the expected
     gain; the place in the cell, by its first node, the distance from that and its width.
     """
-    x_c, y_c = law.clipped_opening(x, regulator), law.clipped_position(y, regulator)
-    i, j = law.interval(regulator.x, x_c), law.interval(regulator.y, y_c)
+    x_c, y_c = gains.clipped_opening(x, regulator), gains.clipped_position(y, regulator)
+    i, j = gains.interval(regulator.x, x_c), gains.interval(regulator.y, y_c)
     x_slope, y_slope = regulator.x_slope[i], regulator.y_slope[j]
     along_x, along_y = (x_c - regulator.x[i]) * x_slope, (y_c - regulator.y[j]) * y_slope
     x_error = UNIT * (np.abs(regulator.x[i]) * x_slope + 3.0)
     y_error = UNIT * (np.abs(regulator.y[j]) * y_slope + 3.0)
     found = []
     for column in range(4):
-        a, b, c, d = law.corners(regulator.table, i, j, column)
+        a, b, c, d = gains.corners(regulator.table, i, j, column)
         by_x, by_y = c - a + along_y * (d - c - b + a), b - a + along_x * (d - c - b + a)
         largest = np.max(np.abs([a, b, c, d]), axis=0)
         error = 9.0 * UNIT * largest + x_error * np.abs(by_x) + y_error * np.abs(by_y)
-        value = law.bilinear((a, b, c, d), along_x, along_y)
+        value = gains.bilinear((a, b, c, d), along_x, along_y)
         found.append(
             _LookedUp(
                 value,

@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from ..files import write_file
+from ..regulator.printing.program import program_of
 from . import precision
 from .contents import Contents
 from .parts import parts
+from .st_law import TAKEN, StLaw, StWriter, st_name
 from .text import identifier, render, shortest
 
 
@@ -24,12 +26,15 @@ def source(contents: Contents, name: str, real: str) -> bytes:
     def number(value) -> str:
         return shortest(value, real)
 
-    filters = {"number": number, "numbers": lambda values: ", ".join(map(number, values))}
-    values = parts(contents) | {
+    declared = "REAL" if real == "float" else "LREAL"
+    program = program_of(contents.regulator, taken=TAKEN)
+    values = parts(contents, program) | {
+        "law": StLaw(program, StWriter(number, name), declared),
         "name": name,
-        "REAL": "REAL" if real == "float" else "LREAL",
+        "REAL": declared,
         "precision": precision.statement(contents) if real == "float" else [],
         "largest": np.finfo(np.float32 if real == "float" else np.float64).max,
     }
-    values["inputs"] = ["setpoint" if read == "reference" else read for read in values["reads"]]
+    values["inputs"] = [st_name(read) for read in values["reads"]]
+    filters = {"number": number, "st_name": st_name}
     return render("regulator.st.jinja", filters=filters, **values)

@@ -26,14 +26,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..regulator.law import (
-    AT_REST,
-    Memory,
-    Regulator,
-    notch_coefficients,
-    regulate,
-    section_coefficients,
-)
+from ..regulator import lead_lag, notch
+from ..regulator.law import AT_REST, Memory, Regulator, regulate
 from ..regulator.prepared import regulator_of
 from ..regulator.scheduled import ScheduledRegulator
 from .sampled_plant import SampledFamily
@@ -173,10 +167,8 @@ def _steady_state(scheduled: ScheduledRegulator, regulator: Regulator, x, y, v):
     seen = scheduled.c * reference - m
     held = x - g.kp * (scheduled.b * reference - m) + g.kd * speed
     w = np.tan(0.5 * np.where(regulator.shaped, g.notch_frequency, 0.0) * scheduled.Ts)
-    _, _, b2, a2 = notch_coefficients(w, regulator.zz, regulator.zp)
-    sections = [section_coefficients(w, section) for section in regulator.sections]
-    (rest_1, rest_2) = ((b1 - a1) * x for _, b1, a1 in sections)
-    rest = (b2 - a2) * x
+    rest = notch.rest(x, w, regulator)
+    rest_1, rest_2 = (lead_lag.rest(x, w, section) for section in regulator.sections)
     memory = AT_REST._replace(
         integral=held,
         derivative=-speed,

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Literal
 
 from ..errors import InputError, unknown_name
+from ..regulator.units import GAIN_UNITS, MEASURED_UNITS
 
 LoopName = Literal["velocity", "position"]
 
@@ -58,11 +58,9 @@ VELOCITY = ControlledQuantity(
     loop="velocity",
     signal="v",
     word="speed",
-    unit="m/s",
+    unit=MEASURED_UNITS["v"],
     integral_unit="m",
-    gain_units=MappingProxyType(
-        {"kp": "s/m", "ki": "1/m", "kd": "s^2/m", "notch_frequency": "rad/s"}
-    ),
+    gain_units=GAIN_UNITS["v"],
     integrations=0,
     notch_damping=(0.12, 0.75),
     formula_structure="pid",
@@ -73,11 +71,9 @@ POSITION = ControlledQuantity(
     loop="position",
     signal="y",
     word="position",
-    unit="m",
+    unit=MEASURED_UNITS["y"],
     integral_unit="m*s",
-    gain_units=MappingProxyType(
-        {"kp": "1/m", "ki": "1/(m*s)", "kd": "s/m", "notch_frequency": "rad/s"}
-    ),
+    gain_units=GAIN_UNITS["y"],
     integrations=1,
     notch_damping=(0.2, 0.6),
     formula_structure="p+notch",

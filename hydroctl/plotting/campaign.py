@@ -13,13 +13,13 @@ _METRICS = {
     "rise_time": ("rise time (s)", 1.0),
     "settling_time": ("settling time (s)", 1.0),
     "overshoot": ("overshoot (% of the step)", 100.0),
-    "oscillation": ("lasting oscillation (% of the step)", 100.0),
+    "oscillation": ("residual oscillation (% of the step)", 100.0),
     "steady_error": ("steady error (% of the step)", 100.0),
     "peak_pressure": ("peak pressure (bar)", 1e-5),
     "lowest_pressure": ("lowest pressure (bar)", 1e-5),
-    "cavitation_time": ("time below tank pressure (s)", 1.0),
+    "cavitation_time": ("cavitation time (s)", 1.0),
     "saturation_time": ("time at full opening (s)", 1.0),
-    "beyond_stroke": ("passing of the stroke (m)", 1.0),
+    "beyond_stroke": ("overtravel (m)", 1.0),
 }
 
 

@@ -5,13 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import InputError
-from .law import Compensation, Regulator
+from .law import STRUCTURES, Regulator
 from .scheduled import ScheduledRegulator
-
-_UNUSED_SECTIONS = ((1.0, 1.0), (1.0, 1.0))
-_UNUSED_COMPENSATION = Compensation(*[1.0] * len(Compensation._fields))._replace(
-    area_a=0.0, area_b=0.0
-)
 
 
 def regulator_of(scheduled: ScheduledRegulator) -> Regulator:
@@ -27,7 +22,6 @@ def regulator_of(scheduled: ScheduledRegulator) -> Regulator:
     if faults := _faults(s, x, y, table, shaped):
         raise InputError(faults)
     sides = (x[x < 0.0] if (x < 0.0).any() else x, x[x > 0.0] if (x > 0.0).any() else x)
-    used = 1.0 if s.feed_forward else 0.0
     return Regulator(
         x=x,
         x_slope=_slopes(x),
@@ -37,27 +31,12 @@ def regulator_of(scheduled: ScheduledRegulator) -> Regulator:
         limits=np.array([[side[0], side[-1]] for side in sides]),
         position=s.measured == "y",
         Ts=float(s.Ts),
-        Tf=float(s.Tf),
-        Tm=float(s.Tm),
-        b=float(s.b),
-        c=float(s.c),
-        zz=float(s.zz),
-        zp=float(s.zp),
-        sections=(*(tuple(map(float, section)) for section in s.sections), *_UNUSED_SECTIONS)[:2],
-        integrates=bool(np.any(s.ki)),
-        derives=bool(np.any(s.kd)),
         shaped=shaped,
-        tracking_rate=1.0 / float(s.Tt) if np.any(s.ki) else 0.0,
-        extend_slope=used / float(s.speed_gain_extend),
-        extend_offset=used * float(s.speed_offset_extend),
-        retract_slope=used / float(s.speed_gain_retract),
-        retract_offset=used * float(s.speed_offset_retract),
-        compensated=s.compensation is not None,
-        compensation=_UNUSED_COMPENSATION if s.compensation is None else s.compensation,
-        inverse_depth=float(s.inverse_depth),
-        inverse_width=float(s.inverse_width),
         delay_samples=int(s.delay_samples),
         delay_fraction=float(s.delay_samples % 1.0),
+        **{
+            name: value for structure in STRUCTURES for name, value in structure.settings(s).items()
+        },
     )
 
 

@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from .law import Compensation
+from .compensation import Compensation
 from .lookup import interpolation
 from .structures import Regulators
 

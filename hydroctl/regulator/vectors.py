@@ -22,6 +22,7 @@ import numpy as np
 from ..digits import apart
 from ..errors import InputError
 from . import law
+from .gains import gains_at
 from .prepared import regulator_of
 from .scheduled import ScheduledRegulator
 
@@ -86,7 +87,7 @@ def answer(
     if start is not None:
         memory = law.start(start, reference, v_ref, tuple(measured), regulator)
     broken = not all(map(isfinite, inputs))
-    gains = None if broken else tuple(map(_rounded, law.gains_at(memory.x, measured[3], regulator)))
+    gains = None if broken else tuple(map(_rounded, gains_at(memory.x, measured[3], regulator)))
     memory = law.sample(reference, v_ref, tuple(measured), memory, regulator)
     return Vector(start, inputs, gains, _rounded(memory.x)), memory
 
@@ -142,7 +143,7 @@ def _table_runs(scheduled: ScheduledRegulator, regulator: law.Regulator):
     """Each touches one or four nodes of every table."""
     loudest = np.abs(scheduled.regulators.state_space()[3]).max()
     for x, y in _touched(regulator):
-        kp, ki, *_ = (abs(float(gain)) for gain in law.gains_at(x, y, regulator))
+        kp, ki, *_ = (abs(float(gain)) for gain in gains_at(x, y, regulator))
         direct = np.abs(scheduled.gains(x, y).state_space()[3]).item()
         step = _CHANGE / max(direct, _CHANGE * loudest) if loudest else 0.0
         inward = -1.0 if x > 0.0 else 1.0

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,7 +19,8 @@ from ..machine.variants import variants
 from ..model import plant
 from ..model.linearization import linearize
 from ..model.operating_point import find_operating_points
-from ..regulator.structures import GAINS
+from ..regulator.printing.javascript import javascript_of
+from ..regulator.vectors import law_of
 from ..schedule.schedule import GainSchedule
 
 _LEAST_OPENING, _OPENINGS = 0.02, 99
@@ -46,10 +48,19 @@ def explorer_data(schedules: Mapping[str, GainSchedule]) -> dict:
                 actuator, specification.uncertainty, specification.added_plants
             ).items()
         ],
-        "regulators": [
-            {"label": label} | _regulator(schedule) for label, schedule in schedules.items()
-        ],
+        "regulators": [{"label": label, "law": k} for k, label in enumerate(schedules)],
     }
+
+
+def laws_script(schedules: Mapping[str, GainSchedule]) -> str:
+    """JavaScript: LAWS, the law of each schedule without what is not linear or does not act in the
+    loop: the compensation of the pressures, the inverse of the dead band, the feed-forward."""
+    linear = (
+        replace(s.regulator, compensation=None, inverse_depth=0.0, feed_forward=False)
+        for s in schedules.values()
+    )
+    laws = (f"() => {{\n{javascript_of(law_of(regulator))}\n}}" for regulator in linear)
+    return f"const LAWS = [{', '.join(laws)}].map((law) => law());"
 
 
 def opening_grid(actuator: Actuator) -> np.ndarray:
@@ -92,12 +103,3 @@ def _plant_table(machine: Actuator, openings: np.ndarray) -> dict:
         "rows": encoded(rows),
         "reasons": reasons,
     }
-
-
-def _regulator(schedule: GainSchedule) -> dict:
-    return {
-        "x": schedule.x.tolist(),
-        "y": schedule.y.tolist(),
-        "tables": {name: getattr(schedule, name).tolist() for name in (*GAINS, "notch_frequency")},
-        "sections": [list(section) for section in schedule.sections],
-    } | {name: float(getattr(schedule, name)) for name in ("Tf", "Tm", "b", "c", "zz", "zp")}

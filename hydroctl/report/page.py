@@ -14,11 +14,11 @@ from ..errors import InputError
 from ..files import write_file
 from ..loop.margins import MARGIN_UNITS
 from ..machine.actuator import PARAMETERS
-from ..schedule.file import law_text
+from ..proof.prove import standing_proof
+from ..regulator.formulas import law_formulas
 from ..schedule.schedule import GainSchedule
 from ..validation import Standing, ValidationReport, Verdict, validate
-from ..validation.margin_verdicts import margin_verdicts
-from .explorer import explorer_data
+from .explorer import explorer_data, laws_script
 from .figures import map_data, trace_data
 
 _DIGITS = 4
@@ -83,7 +83,8 @@ def page(
     reports = {
         name: validate(other.machine, other, scenarios=scenarios) for name, other in beside.items()
     }
-    verdicts = (*margin_verdicts(schedule), *validation.verdicts)
+    proof = standing_proof(schedule)
+    verdicts = (*proof.linear, *validation.verdicts)
     source = files("hydroctl.report").joinpath("templates")
     environment = jinja2.Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
@@ -99,21 +100,27 @@ def page(
         remarks=remarks,
         verdicts=verdicts,
         worst=[
-            (_MARGIN_NAMES[name], schedule.margins.worst(name), unit)
-            for name, unit in MARGIN_UNITS.items()
+            (_MARGIN_NAMES[name], proof.worst(name), unit) for name, unit in MARGIN_UNITS.items()
         ],
         comparison=comparison or {},
         specification=_specification(schedule),
         parameters=_parameters(schedule),
-        law=law_text(schedule.quantity),
+        law=law_formulas(schedule.regulator)["sample"]["statements"],
+        proof=proof,
         data={
             "explorer": explorer_data({"scheduled": schedule} | beside),
             "map": map_data(schedule),
             "traces": trace_data({"scheduled": validation} | reports),
         },
         styles=Markup(source.joinpath("page.css").read_text("utf-8")),
-        scripts=Markup("\n".join(source.joinpath(name).read_text("utf-8") for name in _SCRIPTS)),
+        scripts=Markup(
+            "\n".join((laws_script({"scheduled": schedule} | beside), *map(_script, _SCRIPTS)))
+        ),
     )
+
+
+def _script(name: str) -> str:
+    return files("hydroctl.report").joinpath("templates", name).read_text("utf-8")
 
 
 def shown(value: float, unit: str) -> str:

@@ -5,102 +5,133 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
+from pydantic import BaseModel
 
 from .. import __version__
 from ..errors import InputError
-from ..loop.margins import MARGIN_UNITS
 from ..loop.quantity import ControlledQuantity
 from ..machine.actuator import PARAMETERS, Actuator
-from ..regulator.law import LEAST_RATIO, MOST_RATIO
+from ..regulator.compensation import LEAST_RATIO, MOST_RATIO
+from ..regulator.formulas import law_formulas
 from ..regulator.structures import GAINS, STRUCTURES, require_structure, section_count
 from ..regulator.vectors import TOLERANCE, Vector, vectors_of
 from ..specification import Specification
 from . import document as d
+from . import parts as p
 from .models import PlantModels, models_of, models_part
+from .proof_file import proof_of, proof_part, remarks_of
+from .shown import Columns, Law, TestVectors
 from .versions import VERSION
 
-_LAW = (
-    "gains from the tables at (x of the previous sample, y); m_f = m + Tm/(Tm + Ts)*(m_f - m); e = r - m_f; g = c*r - m_f; "
-    "d = (Tf*d + g - g_previous)/(Tf + Ts); u = notch(lead_lag(kp*(b*r - m_f) + I + kd*d)) + x_ff, x_ff = 0 where v_ref = 0; "
-    "w = ratio*u; x = inverse(clip(w, limits)); I = I + Ts*(ki*e + (clip(w, limits) - w)/(ratio*Tt)), but I stays 0 where ki is 0 "
-    "in the whole table; x acts delay_samples after the measurement; m is {measured}"
-)
-_ON = {"error": "backward Euler, on the error", "measurement": "backward Euler, on the measurement"}
 
-
-def law_text(quantity: ControlledQuantity) -> str:
-    """The regulator law in words and formulas, for what it controls."""
-    measured = f"the {quantity.word} {quantity.signal} in {quantity.unit}"
-    return _LAW.format(measured=measured)
-
-
-def document_of(schedule, failed_checks: tuple[str, ...]) -> d.Document:
-    """The document that describes a `GainSchedule` in full, and the requirements that it fails."""
-    units = schedule.quantity.gain_units
-
-    axes = [
-        d.Axis(name="x", signal="previous saturated x", unit="1", values=schedule.x.tolist()),
-        d.Axis(name="y", signal="measured position", unit="m", values=schedule.y.tolist()),
-    ]
-    tables = [
-        d.Table(name=name, unit=unit, values=getattr(schedule, name).tolist())
-        for name, unit in units.items()
-    ]
-    feed_forward = d.FeedForward(
-        enabled=schedule.feed_forward,
-        gain_extend=d.Speed(value=schedule.speed_gain_extend, unit="m/s"),
-        gain_retract=d.Speed(value=schedule.speed_gain_retract, unit="m/s"),
-        offset_extend=float(schedule.speed_offset_extend),
-        offset_retract=float(schedule.speed_offset_retract),
+def document_of(schedule) -> d.Document:
+    """The document that describes a `GainSchedule` in full."""
+    scheduled, proof = schedule.regulator, schedule.own_proof
+    document = d.Document(
+        schema=d.SCHEMA,
+        version=VERSION,
+        generator=f"hydroctl {__version__}",
+        **_parts(schedule),
+        law=_law(law_formulas(scheduled), schedule.quantity),
+        proof=None if proof is None else proof_part(proof),
+        failed_checks=remarks_of(schedule.failed_checks),
+        test_vectors=_test_vectors(vectors_of(scheduled), schedule.quantity),
+        fingerprint=None,
     )
-    specification = schedule.specification
+    return document.model_copy(update={"fingerprint": d.fingerprint(d.content_of(document))})
+
+
+def schedule_fingerprint(schedule) -> str:
+    """SHA-256 of what makes up a `GainSchedule`: regulator, plants and specification."""
+    parts = {
+        name: d.content_of(part) if isinstance(part, BaseModel) else part
+        for name, part in _parts(schedule).items()
+    }
+    return d.fingerprint(parts)
+
+
+def _parts(schedule) -> dict[str, Any]:
+    """The parts of the document that make up the schedule."""
+    return {
+        "loop": schedule.loop,
+        "structure": schedule.structure,
+        "controller": _controller(schedule),
+        "scheduling": _scheduling(schedule),
+        "feed_forward": p.FeedForward(
+            enabled=schedule.feed_forward,
+            gain_extend=p.Speed(value=schedule.speed_gain_extend, unit="m/s"),
+            gain_retract=p.Speed(value=schedule.speed_gain_retract, unit="m/s"),
+            offset_extend=float(schedule.speed_offset_extend),
+            offset_retract=float(schedule.speed_offset_retract),
+        ),
+        "actuator": None if schedule.actuator is None else _machine(schedule.actuator),
+        "models": None if schedule.models is None else _models(schedule),
+        "design": _design(schedule),
+    }
+
+
+def _scheduling(schedule) -> p.Scheduling:
+    return p.Scheduling(
+        interpolation="bilinear",
+        extrapolation="clipped",
+        sides="separate",
+        x=_axis("previous_x", "1", schedule.x),
+        y=_axis("y", "m", schedule.y),
+        tables=p.Tables(
+            **{
+                name: p.Table(unit=unit, values=getattr(schedule, name).tolist())
+                for name, unit in schedule.quantity.gain_units.items()
+            }
+        ),
+    )
+
+
+def _axis(signal: str, unit: str, nodes: np.ndarray) -> p.Axis:
+    values = nodes.tolist()
+    return p.Axis(signal=signal, unit=unit, nodes=values, slopes=p.slopes(values))
+
+
+def _design(schedule) -> p.Design:
+    specification, unit = schedule.specification, schedule.quantity.gain_units["kp"]
     uncertainty = specification.uncertainty
-    design = d.Design(
+    return p.Design(
         x=schedule.design_x.tolist(),
         y=schedule.design_y.tolist(),
         Ms=float(specification.Ms),
         Mt=float(specification.Mt),
         gain_margin=specification.gain_margin,
-        phase_margin=_optional(d.Angle, specification.phase_margin, "rad"),
-        min_crossover=_optional(d.Frequency, specification.min_crossover, "rad/s"),
-        high_frequency_gain=_optional(d.Gain, specification.high_frequency_gain, units["kp"]),
+        phase_margin=_optional(p.Angle, specification.phase_margin, "rad"),
+        min_crossover=_optional(p.Frequency, specification.min_crossover, "rad/s"),
+        high_frequency_gain=_optional(p.Gain, specification.high_frequency_gain, unit),
         notch_ratio=float(specification.notch_ratio or 1.0),
         uncertainty=uncertainty if isinstance(uncertainty, str) else dict(uncertainty),
         added_plants=[_quantities(change) for change in specification.added_plants],
-        achieved=d.Margins(
-            **{
-                name: _achieved(schedule.margins.worst(name), unit)
-                for name, unit in MARGIN_UNITS.items()
-            }
-        ),
     )
-    document = d.Document(
-        schema=d.SCHEMA,
-        version=VERSION,
-        generator=f"hydroctl {__version__}",
-        loop=schedule.loop,
-        structure=schedule.structure,
-        controller=_controller(schedule),
-        scheduling=d.Scheduling(
-            interpolation="bilinear",
-            extrapolation="clipped",
-            order="row-major",
-            sides="x >= 0 uses the nodes x > 0, x < 0 the nodes x < 0",
-            axes=axes,
-            tables=tables,
-        ),
-        feed_forward=feed_forward,
-        actuator=None if schedule.actuator is None else _machine(schedule.actuator),
-        models=None if schedule.models is None else _models(schedule),
-        design=design,
-        failed_checks=list(failed_checks),
-        test_vectors=_test_vectors(vectors_of(schedule.regulator), schedule.quantity),
-        fingerprint=None,
-    )
-    return document.model_copy(update={"fingerprint": d.fingerprint(document)})
+
+
+_STANDS_AT = {
+    "x_nodes": "scheduling.x.nodes",
+    "x_slope": "scheduling.x.slopes",
+    "y_nodes": "scheduling.y.nodes",
+    "y_slope": "scheduling.y.slopes",
+}
+"""where in the file arrays of the law stand already"""
+
+
+def _law(formulas: dict[str, Any], quantity: ControlledQuantity) -> Law:
+    """The formulas; arrays that stand elsewhere in the file are named by their place."""
+    places = _STANDS_AT | {name: f"scheduling.tables.{name}.values" for name in quantity.gain_units}
+    arrays = []
+    for array in formulas["arrays"]:
+        kept = {key: value for key, value in array.items() if key != "values"}
+        place = places.get(array["name"])
+        where = {"values": array["values"]} if place is None else {"source": place}
+        arrays.append(kept | where)
+    fallback = {"x": 0, "memory": "rest", "description": formulas["fallback"]}
+    return Law.model_validate(formulas | {"arrays": arrays, "fallback": fallback})
 
 
 def _models(schedule) -> PlantModels:
@@ -109,11 +140,11 @@ def _models(schedule) -> PlantModels:
     return models_part(schedule.models, *points)
 
 
-def _machine(actuator: Actuator) -> d.Machine:
+def _machine(actuator: Actuator) -> p.Machine:
     given = {
         name: value for name, value in actuator.recorded_parameters().items() if value is not None
     }
-    return d.Machine(
+    return p.Machine(
         name=actuator.name,
         source=actuator.source,
         note=actuator.note,
@@ -122,32 +153,24 @@ def _machine(actuator: Actuator) -> d.Machine:
     )
 
 
-def _quantities(parameters: Mapping[str, float]) -> dict[str, d.Quantity]:
+def _quantities(parameters: Mapping[str, float]) -> dict[str, p.Quantity]:
     """Parameters of a machine with their units."""
-    quantity = d.Quantity
+    quantity = p.Quantity
     return {
         name: quantity(value=value, unit=PARAMETERS[name].metadata["unit"])
         for name, value in parameters.items()
     }
 
 
-def _test_vectors(vectors: list[Vector], quantity: ControlledQuantity) -> d.TestVectors:
+def _test_vectors(vectors: list[Vector], quantity: ControlledQuantity) -> TestVectors:
     inputs = ["1", quantity.unit, "m/s", "Pa", "Pa", "m/s", "m"]
     units = [*inputs, *quantity.gain_units.values(), "1"]
     rows = [[v.start, *v.inputs, *(v.gains or (None,) * 4), v.x] for v in vectors]
     finite = [
         [None if value is None or math.isnan(value) else value for value in row] for row in rows
     ]
-    columns = get_args(d.TestVectors.model_fields["columns"].annotation)[0]
-    return d.TestVectors(columns=columns, units=units, tolerance=TOLERANCE, rows=finite)
-
-
-def require_unchanged(document: d.Document) -> None:
-    """InputError where a file that has a fingerprint does not fit to it."""
-    if document.fingerprint is not None and document.fingerprint != d.fingerprint(document):
-        raise InputError(
-            "fingerprint does not belong to the rest of the file, which was changed after it was written."
-        )
+    columns = tuple(get_args(name)[0] for name in get_args(Columns))
+    return TestVectors(columns=columns, units=units, tolerance=TOLERANCE, rows=finite)
 
 
 def vectors_in(document: d.Document) -> list[Vector]:
@@ -169,42 +192,35 @@ def _optional(kind, value: float | None, unit: str):
     return None if value is None else kind(value=value, unit=unit)
 
 
-def _controller(schedule) -> d.Controller:
-    return d.Controller(
+def _controller(schedule) -> p.Controller:
+    return p.Controller(
         form="parallel",
-        law=law_text(schedule.quantity),
-        sample_time=d.Time(value=schedule.Ts, unit="s"),
+        sample_time=p.Time(value=schedule.Ts, unit="s"),
         delay_samples=float(schedule.delay_samples),
-        integral="forward Euler, stored in units of x",
-        derivative=_ON[schedule.specification.derivative_on],
-        derivative_filter_time=d.Time(value=schedule.Tf, unit="s"),
-        measurement_filter_time=d.Duration(value=float(schedule.Tm), unit="s"),
+        derivative_on=schedule.specification.derivative_on,
+        derivative_filter_time=p.Time(value=schedule.Tf, unit="s"),
+        measurement_filter_time=p.Duration(value=float(schedule.Tm), unit="s"),
         lead_lag=[
-            d.Section(zero=float(zero), pole=float(pole)) for zero, pole in schedule.sections
+            p.Section(zero=float(zero), pole=float(pole)) for zero, pole in schedule.sections
         ],
-        notch="Tustin prewarped at notch_frequency",
         notch_zero_damping=float(schedule.zz),
         notch_pole_damping=float(schedule.zp),
         set_point_weight=float(schedule.b),
         limits=(-1, 1),
-        anti_windup="back-calculation from the saturated x, after the notch",
-        anti_windup_time=d.Time(value=schedule.Tt, unit="s"),
+        anti_windup_time=p.Time(value=schedule.Tt, unit="s"),
         pressure_compensation=_compensation(schedule),
         dead_band_inverse=float(schedule.dead_band_inverse),
-        start="m_f = m, g_previous = (c - 1)*m, all other states 0",
-        fallback=d.FALLBACK,
     )
 
 
-def _compensation(schedule) -> d.PressureCompensation | None:
+def _compensation(schedule) -> p.PressureCompensation | None:
     if schedule.pressure_drops is None:
         return None
     (retract_a, retract_b), (extend_a, extend_b) = (
-        [d.Pressure(value=float(drop), unit="Pa") for drop in row]
+        [p.Pressure(value=float(drop), unit="Pa") for drop in row]
         for row in schedule.pressure_drops
     )
-    return d.PressureCompensation(
-        ratio="q_ref/q, q = g_a*sqrt(drop_a)/V_a(y) + g_b*sqrt(drop_b)/V_b(y) over the open edges, g = area*flow coefficient",
+    return p.PressureCompensation(
         limits=(LEAST_RATIO, MOST_RATIO),
         drop_a_retract=retract_a,
         drop_b_retract=retract_b,
@@ -213,28 +229,23 @@ def _compensation(schedule) -> d.PressureCompensation | None:
     )
 
 
-def _achieved(worst, unit: str) -> d.Achieved:
-    value = worst.value if np.isfinite(worst.value) else None
-    return d.Achieved(value=value, unit=unit, variant=worst.variant, x=worst.x, y=worst.y)
-
-
 def fields_of(document: d.Document) -> dict:
     """The fields of the `GainSchedule` that `document` describes. Raises InputError where its parts
     contradict each other."""
     controller, design, forward = document.controller, document.design, document.feed_forward
     _require_consistent(document)
-    x, y = (np.array(axis.values) for axis in document.scheduling.axes)
+    scheduling = document.scheduling
     return {
         "actuator": None if document.actuator is None else _actuator(document.actuator),
         "models": None if document.models is None else models_of(document.models),
         "specification": _specification(document),
         "loop": document.loop,
         "structure": document.structure,
-        "x": x,
-        "y": y,
+        "x": np.array(scheduling.x.nodes),
+        "y": np.array(scheduling.y.nodes),
         "design_x": np.array(design.x),
         "design_y": np.array(design.y),
-        **{table.name: np.array(table.values) for table in document.scheduling.tables},
+        **{name: np.array(table.values) for name, table in scheduling.tables.items()},
         "zz": controller.notch_zero_damping,
         "zp": controller.notch_pole_damping,
         "sections": tuple((section.zero, section.pole) for section in controller.lead_lag),
@@ -245,7 +256,8 @@ def fields_of(document: d.Document) -> dict:
         "speed_offset_extend": forward.offset_extend,
         "speed_offset_retract": forward.offset_retract,
         "pressure_drops": _pressure_drops(controller.pressure_compensation),
-        "failed_checks": tuple(document.failed_checks),
+        "failed_checks": tuple(remark.description for remark in document.failed_checks),
+        "proof": None if document.proof is None else proof_of(document.proof),
     }
 
 
@@ -253,9 +265,9 @@ def _require_consistent(document: d.Document) -> None:
     structure = document.structure
     require_structure(structure)
     faults = [
-        f"table {table.name} is not zero, but structure {structure!r} has no {table.name}."
-        for table in document.scheduling.tables
-        if table.name in GAINS and table.name not in STRUCTURES[structure] and np.any(table.values)
+        f"table {name} is not zero, but structure {structure!r} has no {name}."
+        for name, table in document.scheduling.tables.items()
+        if name in GAINS and name not in STRUCTURES[structure] and np.any(table.values)
     ]
     if (given := len(document.controller.lead_lag)) != (needed := section_count(structure)):
         faults.append(
@@ -265,7 +277,7 @@ def _require_consistent(document: d.Document) -> None:
         raise InputError(faults)
 
 
-def _actuator(machine: d.Machine) -> Actuator:
+def _actuator(machine: p.Machine) -> Actuator:
     parameters = {name: quantity.value for name, quantity in machine.parameters.items()}
     actuator = Actuator(name=machine.name, source=machine.source, note=machine.note, **parameters)
     if lacking := [
@@ -302,7 +314,7 @@ def _specification(document: d.Document) -> Specification:
         **_notch(document),
         lead_lag=sections + Specification.lead_lag[len(sections) :],
         measurement_filter=controller.measurement_filter_time.value,
-        derivative_on=next(on for on, text in _ON.items() if text == controller.derivative),
+        derivative_on=controller.derivative_on,
         set_point_weight=controller.set_point_weight,
         pressure_compensation=controller.pressure_compensation is not None,
         dead_band_inverse=controller.dead_band_inverse,
@@ -321,7 +333,7 @@ def _notch(document: d.Document) -> dict:
     }
 
 
-def _pressure_drops(given: d.PressureCompensation | None) -> np.ndarray | None:
+def _pressure_drops(given: p.PressureCompensation | None) -> np.ndarray | None:
     if given is None:
         return None
     names = (("drop_a_retract", "drop_b_retract"), ("drop_a_extend", "drop_b_extend"))

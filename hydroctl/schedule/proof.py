@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from .margins import WorstPoint
-from .verdict import Subject, Verdict, failures
+from .verdict import Verdict, failures
 
 UNCHECKED = "unchecked: written before fingerprints"
 """what a schedule of a file fails that nothing protected from changes"""
@@ -58,9 +58,10 @@ class Proof:
         """Where the margin of that name is worst."""
         return next(point for point in self.margins if point.margin == margin)
 
-    def on(self, subject: Subject) -> tuple[Verdict, ...]:
-        """The verdicts on one subject."""
-        return tuple(verdict for verdict in self.verdicts if verdict.subject == subject)
+    @property
+    def linear(self) -> tuple[Verdict, ...]:
+        """The verdicts on the linear loops, hidden coupling included."""
+        return tuple(verdict for verdict in self.verdicts if verdict.subject != "motion")
 
     def __str__(self) -> str:
         lines = [f"{self.state}: {len(self.verdicts)} requirements on {len(self.plants)} plants"]

@@ -21,14 +21,15 @@ from ..loop.quantity import POSITION, ControlledQuantity, LoopName, controlled_q
 from ..loop.sampled_plant import SampledFamily
 from ..machine.actuator import Actuator
 from ..model import plant
-from ..regulator.law import Compensation
+from ..regulator.compensation import Compensation
 from ..regulator.scheduled import ScheduledRegulator
 from ..regulator.structures import Regulators
 from ..regulator.vectors import require_answers
 from ..specification import Specification
-from .document import read, write
-from .file import document_of, fields_of, require_unchanged, vectors_in
+from .document import document_in, read, require_unchanged, write
+from .file import document_of, fields_of, schedule_fingerprint, vectors_in
 from .margins import ScheduleMargins
+from .proof import Proof
 
 _OF_THE_REGULATOR = (
     *(
@@ -111,8 +112,9 @@ class GainSchedule:
     """(2, 2) in Pa: the design's drops over the open edges at A and B, retracting and extending;
     None: no compensation"""
     failed_checks: tuple[str, ...] = ()
-    """requirements that its design found unmet or that an export passed over; empty: none is
-    known"""
+    """requirements that are known not to be met; an export by force passed over them"""
+    proof: Proof | None = None
+    """what was shown of it; see `own_proof`"""
 
     def __post_init__(self):
         if (self.actuator is None) == (self.models is None):
@@ -220,6 +222,17 @@ class GainSchedule:
             delay_samples=self.delay_samples,
         )
 
+    @cached_property
+    def fingerprint(self) -> str:
+        """SHA-256 of the regulator, the plants and the specification."""
+        return schedule_fingerprint(self)
+
+    @property
+    def own_proof(self) -> Proof | None:
+        """`proof`, unless it was made for another schedule, as after `dataclasses.replace`."""
+        own = self.proof is not None and self.proof.schedule == self.fingerprint
+        return self.proof if own else None
+
     @property
     def regulators(self) -> Regulators:
         """The regulators at the nodes, shape (nx, ny)."""
@@ -238,7 +251,7 @@ class GainSchedule:
 
     def save(self, path: str | Path) -> Path:
         """Write the schedule as JSON (see `schedule.document`), atomically."""
-        return write(document_of(self, self.failed_checks), path)
+        return write(document_of(self), path)
 
 
 def check_margins(schedule: GainSchedule, x, y) -> ScheduleMargins:
@@ -268,10 +281,11 @@ def check_coupling(schedule: GainSchedule) -> HiddenCoupling:
 
 def load_schedule(path: str | Path) -> GainSchedule:
     """The schedule in a JSON file. Raises InputError that names the file and every fault."""
-    document = read(path)
+    content = read(path)
     try:
+        document = document_in(content)
         schedule = GainSchedule(**fields_of(document))
-        require_unchanged(document)
+        require_unchanged(content)
         require_answers(schedule.regulator, vectors_in(document))
     except InputError as error:
         raise InputError(f"{path}: {fault}" for fault in error.faults) from None

@@ -43,9 +43,7 @@ class Verdict:
     def __str__(self) -> str:
         where = f"({self.scenario}; {self.variant})"
         if np.isnan(self.achieved):
-            return (
-                f"FAIL  {self.name}: cannot be judged, the motion has no such number  {where}"
-            )
+            return f"FAIL  {self.name}: cannot be judged, the motion has no such number  {where}"
         if self.is_remark:
             achieved = f"{self.achieved:.4g} {self.unit}".rstrip()
             return f"note  {self.name}: {achieved}, {self.reason} is not stated  {where}"

@@ -1,5 +1,6 @@
 """Validation on the nonlinear plant: scenarios, metrics, requirements and the verdict on each."""
 
+from ..schedule.verdict import Verdict, failures
 from .campaigns import CampaignResult, campaign, replay
 from .cluster import connected
 from .comparison import (
@@ -17,7 +18,6 @@ from .metrics import Metrics, measure
 from .report import Run, ValidationReport, validate
 from .scale import Scale, scale_of
 from .scenarios import contact_scenarios, library, step_scenarios, tracking_scenarios
-from ..schedule.verdict import Verdict, failures
 from .verdict import Requirement, default_requirements
 
 __all__ = [

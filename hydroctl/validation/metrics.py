@@ -29,7 +29,7 @@ class Metrics:
     settling_time: float
     """s after which it stays within 2 % of the step; infinite where it ends outside"""
     overshoot: float
-    """largest passing of the reference, as a fraction of the step"""
+    """by how much the reference is passed at most, as a fraction of the step"""
     passing: float
     """the same in m/s or m"""
     oscillation: float

@@ -20,9 +20,10 @@ from hydroctl.errors import SimulationError
 from hydroctl.export.c import sources, write_c
 from hydroctl.export.contents import contents_of
 from hydroctl.export.fmu import regulator_fmu
-from hydroctl.export.parts import parts
+from hydroctl.export.st_law import st_name
 from hydroctl.export.structured_text import source
 from hydroctl.regulator import law
+from hydroctl.regulator.printing.program import program_of
 from hydroctl.regulator.vectors import law_of
 from hydroctl.simulation import Scenario, simulate_closed_loop
 from hydroctl.simulation.kernels.builds import law_build
@@ -211,10 +212,16 @@ def block_of(case, real):
     return structured_text.load(source(contents(case), "press", real).decode(), "press")
 
 
+def states_of(case):
+    """What the function block calls the numbers that it remembers."""
+    program = program_of(contents(case).regulator)
+    return [st_name(one.name) for one in program.memory]
+
+
 def run_structured_text(case, rows, real, limits=None):
     """What `run_c` gives, of the function block."""
     new = block_of(case, real)
-    names, states = ("setpoint", *COLUMNS[1:]), ["x", *parts(contents(case))["fields"]]
+    names, states = ("setpoint", *COLUMNS[1:]), ["x", *states_of(case)]
     extra = {}
     if limits is not None:
         extra = {

@@ -50,7 +50,7 @@ def test_single_precision_differs_in_types_and_numbers_alone(case):
     numbers = re.compile(r"\d[\d.e+-]*")
     assert numbers.sub("0", double.replace("LREAL", "REAL")) == numbers.sub("0", single)
     assert "LREAL" not in single
-    assert "(* 1/m *)" in single or "(* s/m *)" in single
+    assert "(* 1/m, proportional gain *)" in single or "(* s/m, proportional gain *)" in single
 
 
 def test_names_from_files_change_nothing_but_comments(tmp_path):

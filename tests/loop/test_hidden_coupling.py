@@ -13,8 +13,8 @@ import hydroctl as hc
 from hydroctl.loop.hidden_coupling import moving_poles
 from hydroctl.loop.margins import Loop
 from hydroctl.loop.quantity import POSITION
+from hydroctl.proof.margin_verdicts import margin_verdicts
 from hydroctl.schedule.schedule import check_coupling
-from hydroctl.validation.margin_verdicts import margin_verdicts
 
 X, Y = [-1.0, -0.02, 0.02, 1.0], [0.0, 0.25, 0.5]
 AT = np.array([-0.4, 0.5]), np.array([0.1, 0.3])

@@ -17,12 +17,12 @@ import hydroctl as hc
 from hydroctl.loop.margins import MARGIN_UNITS, Loop, analyse
 from hydroctl.machine.variants import variants
 from hydroctl.model.characteristics import resonance
+from hydroctl.proof.margin_verdicts import margin_verdicts
 from hydroctl.regulator import law
 from hydroctl.regulator.prepared import regulator_of
-from hydroctl.report.explorer import opening_grid
+from hydroctl.report.explorer import laws_script, opening_grid
 from hydroctl.report.page import page, write_report
 from hydroctl.validation import against_rivals
-from hydroctl.validation.margin_verdicts import margin_verdicts
 
 CHROMIUM = shutil.which("chromium")
 QUIET = ("gpu", "quic", "background-networking", "component-update", "sync")
@@ -216,7 +216,7 @@ def test_response_and_step_of_the_page_are_those_of_the_linear_loop_under_the_la
     schedule = request.getfixturevalue(kind)[0]
     visit = request.getfixturevalue("visit" if kind == "plain" else "rich_visit")
     openings, i, j = opening_grid(schedule.actuator), 120, 180
-    source = "".join(
+    source = laws_script({"scheduled": schedule}) + "".join(
         files("hydroctl.report").joinpath("templates", name).read_text("utf-8")
         for name in ("linear_algebra.js", "loop.js")
     )

@@ -112,6 +112,8 @@ def test_every_older_version_is_read_as_it_was_meant(path, tmp_path):
     given, read = json.loads(path.read_text()), hc.load_schedule(path)
     for table in given["scheduling"]["tables"]:
         np.testing.assert_array_equal(getattr(read, table["name"]), table["values"])
+    unchecked = "unchecked: written before fingerprints"
+    assert read.failed_checks == ((unchecked,) if given["version"] < 3 else ())
     assert read.Tm == given["controller"].get("measurement_filter_time", {"value": 0.0})["value"]
     assert read.actuator.fingerprint() == given["actuator"]["fingerprint"]
     assert same(read, hc.load_schedule(read.save(tmp_path / "present.json")))
@@ -156,11 +158,107 @@ def test_a_vector_that_the_law_does_not_answer_is_refused(text, tmp_path, monkey
         hc.load_schedule(path)
 
 
-def test_a_new_file_does_not_pass_for_an_old_one(text, tmp_path):
+@pytest.mark.parametrize(
+    ("version", "message"),
+    [
+        (1, "does not belong in a file of version 1"),
+        (2, "does not belong in a file of version 2"),
+        (3, r"test_vectors\.columns = "),
+    ],
+)
+def test_a_new_file_does_not_pass_for_an_old_one(text, tmp_path, version, message):
     path = tmp_path / "schedule.json"
-    path.write_text(text.replace('"version": 3', '"version": 2'))
-    with pytest.raises(hc.InputError, match="does not belong in a file of version 2"):
+    path.write_text(text.replace('"version": 4', f'"version": {version}'))
+    with pytest.raises(hc.InputError, match=message):
         hc.load_schedule(path)
+
+
+def test_what_an_older_file_says_of_the_law_is_what_its_version_said(tmp_path):
+    content = json.loads((DATA / "schedule_version_3.json").read_text())
+    path = tmp_path / "schedule.json"
+    for name in ("integral", "derivative", "notch", "anti_windup", "start", "fallback"):
+        changed = copy.deepcopy(content)
+        changed["controller"][name] = "Simpson's rule"
+        path.write_text(json.dumps(changed))
+        with pytest.raises(hc.InputError, match=rf"controller\.{name} = .*must be"):
+            hc.load_schedule(path)
+
+
+def _without_a_table(scheduling):
+    del scheduling["tables"]["ki"]
+
+
+def _with_a_short_row(scheduling):
+    scheduling["tables"]["ki"]["values"][2].pop()
+
+
+def _with_a_row_too_few(scheduling):
+    scheduling["tables"]["kp"]["values"].pop()
+
+
+def _with_a_node_too_many(scheduling):
+    scheduling["y"]["nodes"].append(2.0 * scheduling["y"]["nodes"][-1])
+
+
+def _with_a_descending_axis(scheduling):
+    """Nodes and slopes that belong together."""
+    axis = scheduling["y"]
+    axis["nodes"].reverse()
+    axis["slopes"] = [*(-slope for slope in axis["slopes"][-2::-1]), 0.0]
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        _without_a_table,
+        _with_a_short_row,
+        _with_a_row_too_few,
+        _with_a_node_too_many,
+        _with_a_descending_axis,
+    ],
+)
+def test_the_schema_by_itself_refuses_tables_that_are_none(text, spoil, tmp_path):
+    schema, document = jsonschema.Draft202012Validator(json.loads(json_schema())), json.loads(text)
+    assert schema.is_valid(document)
+    spoil(document["scheduling"])
+    assert not schema.is_valid(document)
+    path = tmp_path / "schedule.json"
+    path.write_text(json.dumps(document))
+    with pytest.raises(hc.InputError):
+        hc.load_schedule(path)
+
+
+@pytest.mark.parametrize("part", ["law", "test_vectors", "fingerprint"])
+def test_no_file_of_today_lacks_what_older_ones_lack(text, part):
+    schema, document = jsonschema.Draft202012Validator(json.loads(json_schema())), json.loads(text)
+    assert not schema.is_valid(document | {part: None})
+
+
+PROSE = ("description", "reason", "name", "source", "note", "variant", "place", "expression")
+"""keys under which sentences, formulas and names of things may stand"""
+
+
+def _strings(node, key=""):
+    if isinstance(node, dict):
+        for name, value in node.items():
+            yield from _strings(value, name)
+    elif isinstance(node, list):
+        for value in node:
+            yield from _strings(value, key)
+    elif isinstance(node, str):
+        yield key, node
+
+
+def test_keys_and_choices_are_identifiers_and_sentences_stand_in_descriptions(text):
+    document = json.loads(text)
+    chosen = ("interpolation", "extrapolation", "sides", "signal", "derivative_on", "form")
+    words = dict(_strings({k: document[k] for k in ("loop", "controller", "scheduling")}))
+    assert set(chosen) <= words.keys()
+    for key, word in _strings(document):
+        if key in (*chosen, "loop", "requirement", "subject", "method", "columns", "measured"):
+            assert word.isidentifier(), (key, word)
+        elif key not in PROSE:
+            assert word.count(" ") <= 3, (key, word)
 
 
 def test_mutated_files_are_refused_in_sentences_or_mean_the_same(schedule, text, tmp_path):

@@ -8,9 +8,9 @@ import pytest
 
 import hydroctl as hc
 from hydroctl.errors import FailedChecksError, InputError
+from hydroctl.proof.margin_verdicts import margin_verdicts
 from hydroctl.schedule.document import json_schema
 from hydroctl.testing import Disk, assert_margins, assert_poles_in
-from hydroctl.validation.margin_verdicts import margin_verdicts
 
 X, Y = np.array([-1.0, -0.3, 0.3, 1.0]), np.array([0.1, 0.25, 0.4])
 

@@ -20,9 +20,9 @@ from hydroctl.loop.margins import Loop, analyse, peaks
 from hydroctl.loop.points import with_midpoints
 from hydroctl.loop.sampled_plant import SampledFamily, sample
 from hydroctl.machine.variants import box_of
+from hydroctl.proof.margin_verdicts import margin_verdicts
 from hydroctl.tuning import default_points
 from hydroctl.tuning.box import search_box
-from hydroctl.validation.margin_verdicts import margin_verdicts
 
 LONG = os.environ.get("HYDROCTL_LONG") == "1"
 LOOPS, STRUCTURES = ("velocity", "position"), ("pi", "pi+notch", "pid+notch")

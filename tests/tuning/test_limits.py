@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import hydroctl as hc
+from hydroctl.proof.margin_verdicts import margin_verdicts
 from hydroctl.tuning.limits import Disc, Segment, limits_of
-from hydroctl.validation.margin_verdicts import margin_verdicts
 
 CASES = [("velocity", "pid+notch"), ("position", "pi+notch")]
 X, Y = [-1.0, -0.1], [0.2]

@@ -10,7 +10,7 @@ from scipy import sparse
 
 import hydroctl as hc
 from hydroctl.loop.margins import Loop, analyse
-from hydroctl.regulator import law
+from hydroctl.regulator import feed_forward
 from hydroctl.regulator.vectors import law_of
 from hydroctl.schedule.schedule import check_margins
 from hydroctl.tuning.convex import Bounds, Demands, largest_gains, small_gains
@@ -290,7 +290,7 @@ def test_the_feed_forward_is_exact_at_full_flow_and_at_a_tenth_of_it(dead_band):
     x = np.array([-1.0, -0.1, 0.1, 1.0])
     x += dead_band * np.sign(x) * (1.0 - np.abs(x))
     points = hc.find_operating_points(machine, x, 0.5)
-    asked = [law.feed_forward(v, law_of(schedule.regulator)) for v in points.v]
+    asked = [feed_forward.step(v, law_of(schedule.regulator)) for v in points.v]
     assert asked == pytest.approx(x, rel=1e-9)
     assert schedule.speed_gain_extend < 0.95 * schedule.speed_gain_retract
 

@@ -70,10 +70,10 @@ EDGES = [
     ("settling time", "step", "settling_time", 0.2),
     ("settling time", "saturated", "settling_time", 0.2),
     ("settling time", "reversal", "settling_time", 0.2),
-    ("lasting oscillation", "reversal", "oscillation", 0.01),
+    ("residual oscillation", "reversal", "oscillation", 0.01),
     ("steady error", "step", "steady_error", 0.01),
     ("steady error", "step", "steady_error", -0.01),
-    ("passing of the stroke", "tracking", "beyond_stroke", 0.01 * ACTUATOR.stroke),
+    ("overtravel", "tracking", "beyond_stroke", 0.01 * ACTUATOR.stroke),
 ]
 
 
@@ -136,7 +136,7 @@ def test_the_shortest_time_below_tank_pressure_is_cavitation():
     for drop, passed in ((0.0, True), (1e3, False)):
         p_a = np.where(np.arange(10) == 4, ACTUATOR.tank_pressure - drop, 1e7)
         metrics = measure(ACTUATOR, asked, trajectory_of(np.full(10, 0.1), np.zeros(10), p_a=p_a))
-        assert verdicts_of(asked, metrics)["time below tank pressure"].passed == passed
+        assert verdicts_of(asked, metrics)["cavitation time"].passed == passed
 
 
 def test_the_anti_windup_of_the_tuner_neither_stops_a_large_step_short_nor_lets_it_overshoot():

@@ -55,12 +55,8 @@ function refresh() {
 }
 
 function listGains(gains) {
-  const used = GAIN_NAMES.filter((name) => data.regulators.some((regulator) => uses(regulator, name)));
+  const used = GAIN_NAMES.filter((name) => name in gains);
   list("gains", used.map((name) => [name.replace("_", " "), gains[name], 1, data.units[name]]));
-}
-
-function uses({ tables, zz, zp, sections }, name) {
-  return name === "notch_frequency" ? zz !== zp || sections.length > 0 : tables[name].flat().some((value) => value !== 0);
 }
 
 // Rows of [name, value in SI, factor for display, unit] into a table body; a complex value is a pair.

@@ -48,26 +48,29 @@ function exponential(A) {
   return result;
 }
 
-// `second` after `first`.
-function inSeries(first, second) {
-  const n1 = first.A.length, n2 = second.A.length;
-  return {
-    A: block(first.A, zeros(n1, n2), multiply(second.B, first.C), second.A),
-    B: [...first.B, ...multiply(second.B, first.D)],
-    C: second.C.map((row, i) => [...multiply([second.D[i]], first.C)[0], ...row]),
-    D: multiply(second.D, first.D),
-  };
+// The same system without states that nothing reads or drives; two that act in the same way are one.
+function minimal(system) {
+  const { A, B, C } = system, n = A.length, others = (k) => [...Array(n).keys()].filter((i) => i !== k);
+  const acting = A.map((_, k) => [...A, ...C].map((row) => row[k]));
+  for (let k = 0; k < n; k++) {
+    const unread = others(k).every((i) => A[i][k] === 0) && C.every((row) => row[k] === 0);
+    const undriven = others(k).every((j) => A[k][j] === 0) && B[k].every((value) => value === 0);
+    if (unread || undriven) return minimal(without(system, k));
+    for (const j of others(k)) {
+      const size = Math.max(...acting[j].map(Math.abs)), place = acting[j].findIndex((value) => Math.abs(value) === size);
+      const share = acting[k][place] / acting[j][place];
+      if (acting[j].some((value, i) => Math.abs(acting[k][i] - share * value) > 1e-14 * Math.abs(share) * size)) continue;
+      const joined = (rows) => rows.map((row, i) => (i === j ? row.map((value, m) => value + share * rows[k][m]) : row));
+      return minimal(without({ ...system, A: joined(A), B: joined(B) }, k));
+    }
+  }
+  return system;
 }
 
-// The sum of two systems with the same input.
-function inParallel(first, second) {
-  const n1 = first.A.length, n2 = second.A.length;
-  return {
-    A: block(first.A, zeros(n1, n2), zeros(n2, n1), second.A),
-    B: [...first.B, ...second.B],
-    C: first.C.map((row, i) => [...row, ...second.C[i]]),
-    D: add(first.D, second.D),
-  };
+// The system without its state number `k`.
+function without({ A, B, C, D }, k) {
+  const kept = (values) => values.filter((_, i) => i !== k);
+  return { A: kept(A).map(kept), B: kept(B), C: C.map(kept), D };
 }
 
 // The same system with its states scaled by powers of two until rows and columns of A are of like size (Parlett and Reinsch).

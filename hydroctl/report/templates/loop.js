@@ -1,5 +1,5 @@
 // The sampled loop at one operating point: plant, regulator, margins and step response, from the tables of the page.
-// `data` is what `explorer_data` of hydroctl wrote; a plant's table has one row for each valve opening.
+// `data` is what `explorer_data` of hydroctl wrote, `LAWS` the laws of its regulators, printed by `laws_script`; a plant's table has one row for each valve opening.
 
 // The numbers that were written as bytes in base64; `kind` is a typed array.
 function decoded(text, kind) {
@@ -74,62 +74,21 @@ function sampledPlant(data, plant, model) {
   return { A, B, C, D: [[0]] };
 }
 
-// { kp, ki, kd, notch_frequency } at opening x and position y: bilinear, clipped, the two signs of x apart.
-function gainsAt(regulator, x, y) {
-  const side = regulator.x.map((_, k) => k).filter((k) => (x >= 0 ? regulator.x[k] > 0 : regulator.x[k] < 0));
-  const rows = side.length ? side : regulator.x.map((_, k) => k);
-  const [i, alongX] = locate(rows.map((k) => regulator.x[k]), x), [j, alongY] = locate(regulator.y, y);
-  const across = (row) => {
-    const next = Math.min(j + 1, row.length - 1);
-    return row[j] * (1 - alongY) + row[next] * alongY;
-  };
-  const value = (table) => {
-    const low = table[rows[i]], high = table[rows[Math.min(i + 1, rows.length - 1)]];
-    return across(low) * (1 - alongX) + across(high) * alongX;
-  };
-  return Object.fromEntries(Object.entries(regulator.tables).map(([name, table]) => [name, value(table)]));
-}
-
-// [number of the node at or below, fraction of the way to the next], clipped to the nodes.
-function locate(nodes, value) {
-  let index = 0;
-  while (index < nodes.length - 2 && nodes[index + 1] <= value) index++;
-  if (nodes.length === 1) return [0, 0];
-  const fraction = (value - nodes[index]) / (nodes[index + 1] - nodes[index]);
-  return [index, Math.min(1, Math.max(0, fraction))];
-}
-
-// The regulator from (r, m) to x, its filter of the measurement included.
+// The regulator from (r, m) to x, its filter of the measurement included: what one sample of its law makes of each number of its
+// memory and of each input alone. They are so small that nothing is limited, and powers of two, so that nothing is rounded.
 function regulatorSystem(data, regulator, gains) {
-  const { Ts } = data, { Tf, Tm, b, c, zz, zp } = regulator, { kp, ki, kd } = gains;
-  const fade = Tf / (Tf + Ts), slope = kd / (Tf + Ts);
-  let law = { A: [], B: [], C: [[]], D: [[b * kp, -kp]] };
-  if (ki) law = inParallel(law, { A: [[1]], B: [[Ts * ki, -Ts * ki]], C: [[1]], D: [[0, 0]] });
-  if (kd) {
-    const step = (fade - 1) * slope;
-    law = inParallel(law, { A: [[fade]], B: [[c * step, -step]], C: [[1]], D: [[c * slope, -slope]] });
-  }
-  if (Tm) {
-    const keep = Tm / (Tm + Ts), take = Ts / (Tm + Ts);
-    law = inSeries({ A: [[keep]], B: [[0, keep * take]], C: [[0], [1]], D: [[1, 0], [0, take]] }, law);
-  }
-  const t = Math.tan((gains.notch_frequency * Ts) / 2);
-  for (const [zero, pole] of regulator.sections) law = inSeries(law, firstOrder(1 / zero, 1 / pole, t));
-  return zz === zp ? law : inSeries(law, notch(zz, zp, t));
-}
-
-// (s zero/wn + 1)/(s pole/wn + 1) by Tustin's rule, t = tan(wn Ts/2).
-function firstOrder(zero, pole, t) {
-  const a1 = (t - pole) / (t + pole), b0 = (t + zero) / (t + pole), b1 = (t - zero) / (t + pole);
-  return { A: [[-a1]], B: [[1]], C: [[b1 - b0 * a1]], D: [[b0]] };
-}
-
-// (s^2 + 2 zz wn s + wn^2)/(s^2 + 2 zp wn s + wn^2) likewise.
-function notch(zz, zp, t) {
-  const polynomial = (damping) => [1 + 2 * damping * t + t * t, 2 * (t * t - 1), 1 - 2 * damping * t + t * t];
-  const lead = polynomial(zp)[0];
-  const [b0, b1, b2] = polynomial(zz).map((value) => value / lead), [, a1, a2] = polynomial(zp).map((value) => value / lead);
-  return { A: [[-a1, -a2], [1, 0]], B: [[1], [0]], C: [[b1 - b0 * a1, b2 - b0 * a2]], D: [[b0]] };
+  const { rest, sample } = LAWS[regulator.law], small = 2 ** -40;
+  const names = Object.keys(rest).filter((name) => name !== "x" && name !== "running");
+  const answer = (memory, r, m) => {
+    const input = { reference: r, v_ref: 0, p_a: 0, p_b: 0, v: m, y: m };
+    return map([Object.values(sample({ ...rest, ...memory, running: 1 }, input, gains))], (value) => value / small)[0];
+  };
+  const order = Object.keys(sample(rest, { reference: 0, v_ref: 0, p_a: 0, p_b: 0, v: 0, y: 0 }, gains));
+  const columns = [...names.map((name) => answer({ [name]: small }, 0, 0)), answer({}, small, 0), answer({}, 0, small)];
+  const row = (name) => columns.map((column) => column[order.indexOf(name)]);
+  const split = (values) => [values.slice(0, names.length), values.slice(names.length)];
+  const rows = names.map((name) => split(row(name))), [C, D] = split(row("x"));
+  return minimal({ A: rows.map(([a]) => a), B: rows.map(([, b]) => b), C: [C], D: [D] });
 }
 
 // { open, closed }: the loop gain L from the error of m to m, and the closed loop from r to m.
@@ -238,7 +197,7 @@ function stepResponse({ A, B, C }, longest = 4000) {
 
 // Everything that the explorer shows at opening number `i` and position y, on one plant with one regulator.
 function evaluate(data, plant, regulator, i, y) {
-  const x = data.openings[i], gains = gainsAt(regulator, x, y);
+  const x = data.openings[i], gains = LAWS[regulator.law].lookUp(x, y);
   if (plant.reasons[i]) return { x, y, gains, reason: plant.reasons[i] };
   const model = linearModel(plant, i, y), modes = modesOf(model);
   const { open, closed } = loopOf(regulatorSystem(data, regulator, gains), sampledPlant(data, plant, model));

@@ -1,8 +1,8 @@
 """The plant, its motion, its integration and the regulator law as compiled modules.
 
 The modules of a `Motion` and of a `Loop` are compiled from the modules of these names. There are
-builds for machines without the effects in `absent`, and for schedules without those in
-`absent_law`.
+builds for machines without the effects in `absent`, and for schedules without structures that have
+an `absent` version.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from ...compilation import scalar
 from ...compilation.compiling import LOCK, compiled, functions
 from ...machine.actuator import Actuator
 from ...model import plant as _plant
-from ...regulator import absent_law as _absent_law
 from ...regulator import law as _law
+from ...regulator import notch as _notch
 from ...regulator.law import Regulator
 from .. import sensing as _sensing
 from . import absent as _absent
@@ -65,6 +65,8 @@ class Loop:
         self.law = law
         modules = {
             "law": law,
+            "gains": law.gains,
+            "feed_forward": law.feed_forward,
             "motion": motion.motion,
             "runge_kutta": motion.runge_kutta,
             "careful": motion.careful,
@@ -83,12 +85,28 @@ def motion_build(build: str) -> Motion:
 
 @cache
 def law_build(build: str) -> ModuleType:
-    """The compiled law: "full", "notched" for schedules without the effects in `absent_law` but a
-    notch, "plain" without any."""
-    absent = {} if build == "full" else functions(compiled(_absent_law, "absent"))
-    if build == "notched":
-        del absent["notch"]
-    return compiled(_law, f"law_{build}", **absent)
+    """The compiled law: "full", "notched" for schedules that use no structure with an absent
+    version but a notch, "plain" without any."""
+    left_out = {
+        name
+        for name, module in vars(_law).items()
+        if hasattr(module, "absent") and build != "full" and (name, build) != ("notch", "notched")
+    }
+    return _law_module(_law, f"law_{build}", left_out)
+
+
+def _law_module(module: ModuleType, build: str, left_out: set[str]) -> ModuleType:
+    """`module` compiled, with the modules of the law that it calls; `step` of those in `left_out` is
+    their `absent`."""
+    called = {
+        name: _law_module(value, build, left_out)
+        for name, value in vars(module).items()
+        if isinstance(value, ModuleType) and value.__name__.startswith(f"{_law.__package__}.")
+    }
+    result = compiled(module, build, **called)
+    if module.__name__.rpartition(".")[2] in left_out:
+        result.step = result.absent
+    return result
 
 
 @cache
@@ -125,10 +143,8 @@ def _motion_name(actuators: Sequence[Actuator]) -> str:
 
 
 def _law_name(regulators: Sequence[Regulator]) -> str:
-    used = [
-        (r.Tm, r.compensated, r.inverse_depth, *(zero != pole for zero, pole in r.sections))
-        for r in regulators
-    ]
+    structures = [s for s in _law.STRUCTURES if hasattr(s, "absent") and s is not _notch]
+    used = [[structure.is_used(r) for structure in structures] for r in regulators]
     if any(map(any, used)):
         return "full"
-    return "notched" if any(r.zz != r.zp for r in regulators) else "plain"
+    return "notched" if any(map(_notch.is_used, regulators)) else "plain"

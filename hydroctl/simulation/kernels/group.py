@@ -23,7 +23,8 @@ from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from ...model.plant import Parameters
 from ...regulator import law
-from ...regulator.law import AT_REST, Compensation, Regulator
+from ...regulator.compensation import Compensation
+from ...regulator.law import AT_REST, Regulator
 from . import careful, motion
 
 ROWS = ("p_a", "p_b", "v", "y", "spool", "x", "command", "target")
@@ -40,48 +41,41 @@ NUMBERS = tuple(name for name in Regulator._fields if name not in _ARRAYS)
 def regulator_at(i, tables):
     """The regulator of cylinder i from the tables of all."""
     x, x_slope, y, y_slope, table, limits, sections, compensation, numbers = tables
-    (
-        position,
-        Ts,
-        Tf,
-        Tm,
-        b,
-        c,
-        zz,
-        zp,
-        integrates,
-        derives,
-        shaped,
-        rate,
-        slope,
-        offset,
-        back,
-        back_offset,
-    ) = to_fixed_tuple(numbers[i, :16], 16)
-    compensated, depth, width, delay, part = to_fixed_tuple(numbers[i, 16:], 5)
-    curves = x[i], x_slope[i], y[i], y_slope[i], table[i], limits[i], position != 0.0
+    (position, Ts, shaped, delay, part, Tf, b, c, integrates, derives, rate, zz, zp, Tm) = (
+        to_fixed_tuple(numbers[i, :14], 14)
+    )
+    slope, offset, back, back_offset, compensated, depth, width = to_fixed_tuple(numbers[i, 14:], 7)
     two = to_fixed_tuple(sections[i, 0], 2), to_fixed_tuple(sections[i, 1], 2)
-    forward = slope, offset, back, back_offset
-    pressures = compensated != 0.0, Compensation(*to_fixed_tuple(compensation[i], 13))
-    late = int(delay), part
-    used = integrates != 0.0, derives != 0.0, shaped != 0.0
     return Regulator(
-        *curves,
-        Ts,
-        Tf,
-        Tm,
-        b,
-        c,
-        zz,
-        zp,
-        two,
-        *used,
-        rate,
-        *forward,
-        *pressures,
-        depth,
-        width,
-        *late,
+        x=x[i],
+        x_slope=x_slope[i],
+        y=y[i],
+        y_slope=y_slope[i],
+        table=table[i],
+        limits=limits[i],
+        position=position != 0.0,
+        Ts=Ts,
+        shaped=shaped != 0.0,
+        delay_samples=int(delay),
+        delay_fraction=part,
+        Tf=Tf,
+        b=b,
+        c=c,
+        integrates=integrates != 0.0,
+        derives=derives != 0.0,
+        tracking_rate=rate,
+        sections=two,
+        zz=zz,
+        zp=zp,
+        Tm=Tm,
+        extend_slope=slope,
+        extend_offset=offset,
+        retract_slope=back,
+        retract_offset=back_offset,
+        compensated=compensated != 0.0,
+        compensation=Compensation(*to_fixed_tuple(compensation[i], 13)),
+        inverse_depth=depth,
+        inverse_width=width,
     )
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 from math import inf
 
 from ...model.plant import Parameters
-from ...regulator import law
+from ...regulator import feed_forward, gains, law
 from .. import sensing
 from . import adaptive, careful, motion, runge_kutta
 
@@ -43,7 +43,7 @@ SUMS = (
 """What is added up per case; the first nine concern the last step of the reference."""
 P_A, P_B, V, Y, SPOOL, SPOOL_RATE = (LANES * row for row in range(6))
 BULK, INVERSE_MASS, SUPPLY, VISCOUS, LOAD = (LANES * row for row in range(6, 11))
-INTEGRAL, DERIVATIVE, LAST, NOTCH_1, NOTCH_2, X, SECTION_1, SECTION_2, FILTERED, RUNNING = (
+INTEGRAL, DERIVATIVE, LAST, SECTION_1, SECTION_2, NOTCH_1, NOTCH_2, FILTERED, X, RUNNING = (
     LANES * row for row in range(11, 21)
 )
 KP, KI, KD, WN, TOLD = (LANES * row for row in range(21, 26))
@@ -115,8 +115,8 @@ def _look_up(w, seen, regulator):
     left = 0
     for i in range(LANES):
         x, y = (
-            law.clipped_opening(w[X + i], regulator),
-            law.clipped_position(w[seen + 3 * LANES + i], regulator),
+            gains.clipped_opening(w[X + i], regulator),
+            gains.clipped_position(w[seen + 3 * LANES + i], regulator),
         )
         w[X_IN + i], w[Y_IN + i] = x, y
         left += 0 if _is_inside(w, i) else 1
@@ -144,12 +144,12 @@ def _is_inside(w, i):
 
 def _enter(w, i, regulator):
     """Take the bounds and corners of the cell in which lane i is."""
-    row, column = law.interval(regulator.x, w[X_IN + i]), law.interval(regulator.y, w[Y_IN + i])
+    row, column = gains.interval(regulator.x, w[X_IN + i]), gains.interval(regulator.y, w[Y_IN + i])
     w[X_FROM + i], w[X_TO + i], w[X_SLOPE + i] = _bounds(regulator.x, regulator.x_slope, row)
     w[Y_FROM + i], w[Y_TO + i], w[Y_SLOPE + i] = _bounds(regulator.y, regulator.y_slope, column)
     for gain in range(4):
         at = CORNERS + 4 * LANES * gain + i
-        w[at], w[at + LANES], w[at + 2 * LANES], w[at + 3 * LANES] = law.corners(
+        w[at], w[at + LANES], w[at + 2 * LANES], w[at + 3 * LANES] = gains.corners(
             regulator.table, row, column, gain
         )
 
@@ -160,24 +160,24 @@ def _bounds(nodes, slopes, index):
 
 def _between(w, i, gain, fractions):
     at = CORNERS + 4 * LANES * gain + i
-    return law.bilinear(
+    return gains.bilinear(
         (w[at], w[at + LANES], w[at + 2 * LANES], w[at + 3 * LANES]), fractions[0], fractions[1]
     )
 
 
 def _regulate(w, seen, reference, forward, regulator):
     for i in range(LANES):
-        gains = (w[KP + i], w[KI + i], w[KD + i], w[WN + i])
+        scheduled = (w[KP + i], w[KI + i], w[KD + i], w[WN + i])
         memory = law.Memory(
             w[INTEGRAL + i],
             w[DERIVATIVE + i],
             w[LAST + i],
-            w[NOTCH_1 + i],
-            w[NOTCH_2 + i],
-            w[X + i],
             w[SECTION_1 + i],
             w[SECTION_2 + i],
+            w[NOTCH_1 + i],
+            w[NOTCH_2 + i],
             w[FILTERED + i],
+            w[X + i],
             w[RUNNING + i],
         )
         measured = (
@@ -186,11 +186,13 @@ def _regulate(w, seen, reference, forward, regulator):
             w[seen + 2 * LANES + i],
             w[seen + 3 * LANES + i],
         )
-        new = law.regulate(reference, forward, measured, gains, memory, regulator)
+        new = law.regulate(reference, forward, measured, scheduled, memory, regulator)
         sound = law.is_sound(reference, forward, measured, regulator) & law.is_finite(new)
         w[VARIATION + i] += abs(new.x - w[X + i]) if sound else inf
-        w[INTEGRAL + i], w[DERIVATIVE + i], w[LAST + i], w[NOTCH_1 + i], w[NOTCH_2 + i] = new[:5]
-        w[X + i], w[SECTION_1 + i], w[SECTION_2 + i], w[FILTERED + i], w[RUNNING + i] = new[5:]
+        w[INTEGRAL + i], w[DERIVATIVE + i], w[LAST + i], w[SECTION_1 + i], w[SECTION_2 + i] = new[
+            :5
+        ]
+        w[NOTCH_1 + i], w[NOTCH_2 + i], w[FILTERED + i], w[X + i], w[RUNNING + i] = new[5:]
 
 
 def _measure(w, k, first, late, measured, reference, target, p, Ts):
@@ -261,7 +263,7 @@ def run(
         for k in range(reference.size):
             seen = _see(w, k, sensors)
             _look_up(w, seen, regulator)
-            _regulate(w, seen, reference[k], law.feed_forward(v_ref[k], regulator), regulator)
+            _regulate(w, seen, reference[k], feed_forward.step(v_ref[k], regulator), regulator)
             _measure(w, k, first, late, measured, reference[k], reference[-1], p, regulator.Ts)
             if k >= steady:
                 for i in range(LANES):

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import hydroctl as hc
+from hydroctl.proof.searched_tuning import Change
 from hydroctl.schedule.schedule import check_coupling
 from hydroctl.validation import tracking_scenarios
-from hydroctl.validation.searched_tuning import Change
 
 AT = [0.1], [0.25]
 README = Path(__file__).parents[2] / "README.md"

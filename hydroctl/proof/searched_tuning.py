@@ -22,8 +22,8 @@ from ..simulation import Scenario
 from ..specification import Specification
 from ..tuning import search_settings
 from ..tuning.task import task_of
-from . import Metrics, Run, Verdict, failures, tracking_scenarios, validate
-from .margin_verdicts import margin_verdicts, with_failures
+from ..validation import Metrics, Run, Verdict, failures, tracking_scenarios, validate
+from .prove import prove, proven
 
 _NOTICED = 0.01
 """relative change that counts as one"""
@@ -66,7 +66,7 @@ class SearchedTuning:
     """The schedule with the settings of the largest gain found, and what else they did."""
 
     schedule: GainSchedule
-    """with the requirements that it does not meet as its `failed_checks`"""
+    """with its proof"""
     specified: GainSchedule
     """with the specification's own settings, likewise"""
     settings: dict[str, float]
@@ -181,7 +181,7 @@ class _Trial(NamedTuple):
 def _tried(schedule: GainSchedule, loads: Sequence[Scenario]) -> _Trial:
     steps = validate(schedule.machine, schedule)
     loaded = validate(schedule.machine, schedule, scenarios=loads, requirements=())
-    verdicts = (*margin_verdicts(schedule), *steps.verdicts)
+    proof = prove(schedule, validation=steps)
     values = (
         _largest(
             steps.runs, ("step", "saturated", "reversal"), lambda metrics: metrics.settling_time
@@ -191,7 +191,7 @@ def _tried(schedule: GainSchedule, loads: Sequence[Scenario]) -> _Trial:
         _largest(loaded.runs, ("tracking",), lambda metrics: metrics.iae),
         float(schedule.regulators.nyquist_gain.max()),
     )
-    return _Trial(with_failures(schedule, verdicts), verdicts, values)
+    return _Trial(proven(schedule, proof), proof.verdicts, values)
 
 
 def _largest(

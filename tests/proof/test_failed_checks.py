@@ -12,7 +12,7 @@ from scipy.io import loadmat
 
 import hydroctl as hc
 from hydroctl.export import FORMATS as ALL_FORMATS
-from hydroctl.validation.margin_verdicts import margin_verdicts
+from hydroctl.proof.margin_verdicts import margin_verdicts
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 FORMATS = [f for f in ALL_FORMATS if f != "fmu" or COMPILER]
@@ -43,7 +43,8 @@ def recorded(path) -> str:
     if path.suffix == ".mat":
         return str(loadmat(path, simplify_cells=True)["schedule"]["failed_checks"])
     if path.suffix == ".json":
-        return " ".join(json.loads(path.read_text())["failed_checks"])
+        failed = json.loads(path.read_text())["failed_checks"]
+        return " ".join(check["description"] for check in failed)
     if path.suffix == ".fmu":
         with ZipFile(path) as archive:
             return archive.read("sources/press.c").decode()

@@ -1,0 +1,1 @@
+"""The regulator law printed to other languages from its own source."""
