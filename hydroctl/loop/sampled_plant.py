@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -109,16 +110,15 @@ class SampledFamily:
             },
         )
 
-    def _arrays(self) -> dict[str, np.ndarray]:
+    def _arrays(self) -> dict[str, Any]:
         return {name: getattr(self, name) for name in _ARRAYS}
 
     @classmethod
     def stack(cls, families: list[SampledFamily]) -> SampledFamily:
         """Families of one shape, sample time and delay, along a new first axis."""
-        return replace(
-            families[0],
-            **{name: np.stack([getattr(family, name) for family in families]) for name in _ARRAYS},
-        )
+        arrays = [family._arrays() for family in families]
+        stacked: dict[str, Any] = {name: np.stack([a[name] for a in arrays]) for name in _ARRAYS}
+        return replace(families[0], **stacked)
 
     def state_space(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(A, B, C) of the sampled models with all delays as states: (..., N, N), (..., N, 1), (1,
