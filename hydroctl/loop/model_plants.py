@@ -56,6 +56,10 @@ class ModelPlants(PlantFamily):
     def box(self) -> None:
         return None
 
+    @property
+    def without_corners(self) -> PlantFamily:
+        return self
+
     def varied(self, changes: Sequence[Change]) -> NoReturn:
         raise InputError(
             "these models have no parameters to vary; give their variants to as_plant instead."

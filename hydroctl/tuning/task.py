@@ -173,8 +173,11 @@ def task_of(
     """The task with its arguments checked: errors as in `tune`."""
     specification = Specification() if specification is None else specification
     everything, specification = _family_of(plant, specification)
-    if x is None and y is None and everything.grid is not None:
-        x, y = everything.grid
+    if everything.grid is not None:
+        x, y = (
+            own if given is None else given
+            for own, given in zip(everything.grid, (x, y), strict=True)
+        )
     faults = [
         fault for name, values in (("x", x), ("y", y)) if (fault := _points_fault(name, values))
     ]
@@ -186,7 +189,7 @@ def task_of(
     if "notch" in structure:
         plants = _sampled(everything, x, y, loop, specification)
         specification = _notch_settled(specification, loop, plants)
-    family = everything if everything.box is None else everything.box.inside
+    family = everything.without_corners
     plants = _sampled(family, x, y, loop, specification)
     task = Task(family, specification, loop, structure, x, y, plants)
     highest = task.notch_frequency.max()
