@@ -44,8 +44,8 @@ _STEP = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class HiddenCoupling:
-    """The scheduled loops, whose gains move, at openings x (mx,) and positions y (my,) in m, over variants of the
-    plant."""
+    """The scheduled loops, whose gains move, at openings x (mx,) and positions y (my,) in m, over
+    variants of the plant."""
 
     variants: tuple[str, ...]
     x: np.ndarray

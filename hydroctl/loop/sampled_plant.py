@@ -9,7 +9,7 @@ matrix exponential where they are nearly parallel. The frequency response is a s
 fractions of the sampled model, so that thousands of models cost a few array operations. With delay
 = k + f samples, 0 <= f < 1,
 
-    G(z) = z^-k  sum_i (r_i + q_i / z) / (z - lambda_i),    z = exp(j omega Ts),    q_i = 0 where f = 0
+    G(z) = z^-k  sum_i (r_i + q_i / z) / (z - lambda_i),    z = exp(j omega Ts), q_i = 0 at f = 0
 """
 
 from __future__ import annotations
