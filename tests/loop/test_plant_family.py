@@ -410,6 +410,8 @@ def test_what_belongs_to_a_machine_is_refused_for_models(linear, reference):
 def test_families_that_do_not_fit_are_refused(linear, reference, reduced):
     with pytest.raises(InputError, match="variant 'soft' is a SecondOrderFamily"):
         hc.as_plant(linear, variants={"soft": reduced})
+    with pytest.raises(InputError, match="give them together with the models"):
+        hc.as_plant(hc.as_plant(linear), variants={"soft": linear})
     with pytest.raises(InputError, match="variants hold 'nominal'"):
         hc.as_plant(linear, variants={"nominal": linear})
     secant = hc.linearize(reference, linear.points, form="secant")
