@@ -1,1 +1,2 @@
-"""Plant and regulator together: sampled plants, margins, and the check of moving gains."""
+"""Plant and regulator together: what is controlled, plants of every kind, margins, hidden
+coupling."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
@@ -23,10 +23,9 @@ from .speed_models import SpeedModels, of_linear_family, of_second_order_family,
 if TYPE_CHECKING:
     import control
 
-    Systems = Mapping[tuple[float, float], control.TransferFunction | control.StateSpace]
-    Models = LinearFamily | SecondOrderFamily | QuasiLinearModel
-    Plant = Actuator | Models | "HasPlantFamily" | PlantFamily | Systems
-
+Systems: TypeAlias = "Mapping[tuple[float, float], control.TransferFunction | control.StateSpace]"
+Models: TypeAlias = "LinearFamily | SecondOrderFamily | QuasiLinearModel | Systems"
+Plant: TypeAlias = "Actuator | Models | HasPlantFamily | PlantFamily"
 NOMINAL = "nominal"
 _FEEDBACK_FORM = "tangent"
 
@@ -43,7 +42,7 @@ class HasPlantFamily(Protocol):
 def as_plant(
     plant: Plant,
     *,
-    variants: Mapping[str, Models | Systems] | None = None,
+    variants: Mapping[str, Models] | None = None,
     uncertainty: str | Mapping[str, Ends] = NOMINAL,
     added_plants: Sequence[Change] = (),
 ) -> PlantFamily:
@@ -71,59 +70,76 @@ def as_plant(
             f"{type(plant).__name__} has no parameters that an uncertainty or added_plants could "
             "vary; give its variants, {label: models}."
         )
-    if isinstance(plant, PlantFamily) and not variants:
-        return plant
-    if isinstance(plant, HasPlantFamily) and not variants:
-        return plant.plant_family()
+    if isinstance(plant, PlantFamily | HasPlantFamily):
+        if variants:
+            raise InputError(
+                "variants are of models; give them together with the models that the plants of "
+                f"{type(plant).__name__} are made of."
+            )
+        return plant if isinstance(plant, PlantFamily) else plant.plant_family()
     return _of_models({NOMINAL: plant} | _checked(variants or {}))
 
 
-def _checked(variants: Mapping) -> Mapping:
+def _checked(variants: Mapping[str, Models]) -> dict[str, Models]:
     if NOMINAL in variants:
         raise InputError(
             f"variants hold {NOMINAL!r}, which is what the plant itself is called; name them apart."
         )
-    return variants
+    return dict(variants)
 
 
-def _of_models(models: Mapping[str, Models | Systems]) -> PlantFamily:
+def _of_models(models: Mapping[str, Models]) -> PlantFamily:
     """The family of `models` of one kind, by label, the nominal one first."""
-    kinds = (LinearFamily, SecondOrderFamily, QuasiLinearModel, Mapping)
     nominal = models[NOMINAL]
-    kind = next((kind for kind in kinds if isinstance(nominal, kind)), None)
-    if kind is None:
-        raise InputError(
-            f"plant = {type(nominal).__name__} cannot be used; give an Actuator, a LinearFamily, "
-            "SecondOrderFamily or QuasiLinearModel, an Identification, or "
-            "{(x, y): control.TransferFunction or StateSpace}."
+    if isinstance(nominal, QuasiLinearModel):
+        return SurfacePlants(_of_one_kind(models, QuasiLinearModel))
+    if isinstance(nominal, LinearFamily):
+        return _of_families(
+            {
+                label: (m, of_linear_family(m))
+                for label, m in _of_one_kind(models, LinearFamily).items()
+            }
         )
+    if isinstance(nominal, SecondOrderFamily):
+        reduced = _of_one_kind(models, SecondOrderFamily)
+        return _of_families(
+            {label: (m.family, of_second_order_family(m)) for label, m in reduced.items()}
+        )
+    if isinstance(nominal, Mapping):
+        return _of_systems(_of_one_kind(models, Mapping))
+    raise InputError(
+        f"plant = {type(nominal).__name__} cannot be used; give an Actuator, a LinearFamily, "
+        "SecondOrderFamily or QuasiLinearModel, an Identification, or "
+        "{(x, y): control.TransferFunction or StateSpace}."
+    )
+
+
+def _of_one_kind(models: Mapping[str, Models], kind: type) -> dict[str, Any]:
+    """The `models`, all of them of one `kind`."""
     if faults := [
         f"variant {label!r} is a {type(model).__name__}; it must be a {kind.__name__} as the plant."
         for label, model in models.items()
         if not isinstance(model, kind)
     ]:
         raise InputError(faults)
-    if kind is QuasiLinearModel:
-        return SurfacePlants(dict(models))
-    return _of_systems(models) if kind is Mapping else _of_families(models)
+    return dict(models)
 
 
-def _of_families(models: Mapping[str, LinearFamily | SecondOrderFamily]) -> GridPlants:
+def _of_families(families: Mapping[str, tuple[LinearFamily, SpeedModels]]) -> GridPlants:
+    """From the linear families that know points and form, and the models that are to count."""
     stacked, speeds, grids = [], [], []
-    for label, model in models.items():
-        linear = model.family if isinstance(model, SecondOrderFamily) else model
+    for label, (linear, models) in families.items():
         if linear.form != _FEEDBACK_FORM:
             raise InputError(
                 f"{label} plant: form = {linear.form!r} is for simulation; a regulator needs "
                 f"linearize(..., form={_FEEDBACK_FORM!r})."
             )
-        x, y, order = _grid(label, model.points)
-        made = of_second_order_family if isinstance(model, SecondOrderFamily) else of_linear_family
-        stacked.append(_flat(made(model)).at(order))
-        speeds.append(np.ravel(model.points.v)[order])
+        x, y, order = _grid(label, linear.points)
+        stacked.append(_flat(models).at(order))
+        speeds.append(np.ravel(linear.points.v)[order])
         grids.append((x, y))
-    _require_one_grid(list(models), grids)
-    return _grid_plants(models, *grids[0], SpeedModels.stack(stacked), speeds[0])
+    _require_one_grid(list(families), grids)
+    return _grid_plants(tuple(families), *grids[0], SpeedModels.stack(stacked), speeds[0])
 
 
 def _of_systems(models: Mapping[str, Systems]) -> GridPlants:
@@ -136,13 +152,17 @@ def _of_systems(models: Mapping[str, Systems]) -> GridPlants:
         [f"{label} plant, x={a:g}, y={b:g} m" for label, a, b in places],
     )
     order = np.arange(len(places)).reshape(len(models), x.size, y.size)
-    return _grid_plants(models, x, y, found.at(order), None)
+    return _grid_plants(tuple(models), x, y, found.at(order), None)
 
 
 def _grid_plants(
-    models: Mapping, x: np.ndarray, y: np.ndarray, found: SpeedModels, speeds: np.ndarray | None
+    labels: tuple[str, ...],
+    x: np.ndarray,
+    y: np.ndarray,
+    found: SpeedModels,
+    speeds: np.ndarray | None,
 ) -> GridPlants:
-    labels, gain = tuple(models), found.static_gain()
+    gain = found.static_gain()
     bad = np.argwhere(~((gain > 0.0) & np.isfinite(gain)))
     if bad.size:
         k, i, j = bad[0]

@@ -38,8 +38,8 @@ _STEP = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class HiddenCoupling:
-    """The scheduled loops, whose gains move, at openings x (mx,) and positions y (my,) in m, over variants of the
-    plant."""
+    """The scheduled loops, whose gains move, at openings x (mx,) and positions y (my,) in m, over
+    variants of the plant."""
 
     variants: tuple[str, ...]
     x: np.ndarray
@@ -106,8 +106,8 @@ def _linear_law(scheduled: ScheduledRegulator, x: np.ndarray, y: np.ndarray, spe
     regulator = regulator_of(
         replace(scheduled, delay_samples=0.0, compensation=None, inverse_depth=0.0)
     )
-    grid = np.broadcast_arrays(x[:, None], y)
-    memory, reference, m = _steady_state(scheduled, regulator, *grid, speed)
+    at_x, at_y = np.broadcast_arrays(x[:, None], y)
+    memory, reference, m = _steady_state(scheduled, regulator, at_x, at_y, speed)
     used = _used_states(scheduled)
 
     def law(changed: Memory, m, y):
@@ -122,7 +122,7 @@ def _linear_law(scheduled: ScheduledRegulator, x: np.ndarray, y: np.ndarray, spe
         )
         return np.stack(np.broadcast_arrays(*(getattr(new, name) for name in used)), axis=-1)
 
-    frozen = scheduled.gains(*grid)
+    frozen = scheduled.gains(at_x, at_y)
     direct = frozen.kp + frozen.kd / (scheduled.Tf + scheduled.Ts)
     direct = np.where(direct > 0.0, direct, 1.0)
     steps = dict.fromkeys(used, np.full(m.shape, _STEP)) | dict.fromkeys(
@@ -135,12 +135,10 @@ def _linear_law(scheduled: ScheduledRegulator, x: np.ndarray, y: np.ndarray, spe
             memory._replace(**{name: getattr(memory, name) + sign * steps[name]})
             for sign in (1.0, -1.0)
         )
-        columns.append(
-            (law(above, m, grid[1]) - law(below, m, grid[1])) / (2.0 * steps[name])[..., None]
-        )
+        columns.append((law(above, m, at_y) - law(below, m, at_y)) / (2.0 * steps[name])[..., None])
     h_m, h_y = _STEP / direct, _STEP * max(float(np.diff(scheduled.y).min(initial=1.0)), _STEP)
-    by_m = (law(memory, m + h_m, grid[1]) - law(memory, m - h_m, grid[1])) / (2.0 * h_m)[..., None]
-    by_y = (law(memory, m, grid[1] + h_y) - law(memory, m, grid[1] - h_y)) / (2.0 * h_y)
+    by_m = (law(memory, m + h_m, at_y) - law(memory, m - h_m, at_y)) / (2.0 * h_m)[..., None]
+    by_y = (law(memory, m, at_y + h_y) - law(memory, m, at_y - h_y)) / (2.0 * h_y)
     return np.stack(columns, axis=-1), by_m[..., None], by_y[..., None], used.index("x")
 
 

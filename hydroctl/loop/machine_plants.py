@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from .plant_family import Box, Change, PlantFamily, SpeedGains
 from .quantity import ControlledQuantity
 from .sampled_plant import SampledFamily, sample
 
+_Hashable: TypeAlias = "str | tuple[tuple[str, Ends], ...]"
 _LOW_FLOW = 0.1
 _FAMILIES = 4
 """of equal machines and variants, that share what was sampled"""
@@ -108,24 +109,15 @@ class MachinePlants(PlantFamily):
         counted = counted_changes(self.actuator, self.uncertainty)
         return tuple(change for change in self.changes if change not in counted)
 
-    @cached_property
+    @property
     def box(self) -> Box | None:
-        ends = box_of(self.actuator, self.uncertainty)
-        if not ends:
-            return None
-        return Box(
-            ends,
-            tuple(counted_changes(self.actuator, self.uncertainty)),
-            _family(self.actuator, self.uncertainty, self.added_plants),
-            self._only,
-        )
+        return _box(self.actuator, _hashable(self.uncertainty))
 
-    def _only(self, changes: Sequence[Change]) -> MachinePlants:
-        machines = {
-            variant_label(self.actuator, self.uncertainty, change): self.actuator.replace(**change)
-            for change in changes
-        }
-        return replace(self, changes=tuple(changes), machines=machines)
+    @cached_property
+    def without_corners(self) -> MachinePlants:
+        if self.box is None:
+            return self
+        return _family(self.actuator, self.uncertainty, self.added_plants)
 
     def varied(self, changes: Sequence[Change]) -> MachinePlants:
         return _family(self.actuator, self.uncertainty, (*self.changes, *changes))
@@ -147,15 +139,28 @@ def machine_plants(
 
 
 @lru_cache(maxsize=_FAMILIES)
-def _shared(
-    actuator: Actuator, uncertainty: str | tuple[tuple[str, Any], ...], added: tuple
-) -> MachinePlants:
+def _shared(actuator: Actuator, uncertainty: _Hashable, added: tuple) -> MachinePlants:
     stated = uncertainty if isinstance(uncertainty, str) else dict(uncertainty)
     counted = counted_changes(actuator, stated)
     return _family(actuator, stated, (*counted, *(dict(change) for change in added)))
 
 
-def _hashable(uncertainty: str | Mapping[str, Ends]) -> str | tuple[tuple[str, Ends], ...]:
+@lru_cache(maxsize=_FAMILIES)
+def _box(actuator: Actuator, uncertainty: _Hashable) -> Box | None:
+    stated = uncertainty if isinstance(uncertainty, str) else dict(uncertainty)
+    ends = box_of(actuator, stated)
+
+    def plants(changes: Sequence[Change]) -> MachinePlants:
+        machines = {
+            variant_label(actuator, stated, change): actuator.replace(**change)
+            for change in changes
+        }
+        return MachinePlants(actuator, stated, tuple(changes), machines)
+
+    return Box(ends, tuple(counted_changes(actuator, stated)), plants) if ends else None
+
+
+def _hashable(uncertainty: str | Mapping[str, Ends]) -> _Hashable:
     return uncertainty if isinstance(uncertainty, str) else tuple(uncertainty.items())
 
 

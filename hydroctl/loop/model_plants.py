@@ -56,6 +56,10 @@ class ModelPlants(PlantFamily):
     def box(self) -> None:
         return None
 
+    @property
+    def without_corners(self) -> PlantFamily:
+        return self
+
     def varied(self, changes: Sequence[Change]) -> NoReturn:
         raise InputError(
             "these models have no parameters to vary; give their variants to as_plant instead."
@@ -97,7 +101,9 @@ class GridPlants(ModelPlants):
     def _models(self, x: np.ndarray, y: np.ndarray) -> SpeedModels:
         self._require_defined(x, y)
         return self.models.at(
-            np.ix_(range(len(self.variants)), _nearest_node(self.x, x), _nearest_node(self.y, y))
+            np.ix_(
+                np.arange(len(self.variants)), _nearest_node(self.x, x), _nearest_node(self.y, y)
+            )
         )
 
     def _require_defined(self, x: np.ndarray, y: np.ndarray) -> None:

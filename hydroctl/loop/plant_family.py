@@ -40,13 +40,12 @@ class SpeedGains(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """Ranges of a machine's parameters between which every plant counts."""
+    """Ranges of a machine's parameters between which every plant counts; the same object for equal
+    machines and ranges."""
 
     ends: Mapping[str, tuple[float, float]]
     """(lowest, highest value) in SI by parameter, the former below the latter"""
     corners: tuple[Change, ...]
-    inside: PlantFamily
-    """the nominal plant and those that were added, without the corners"""
     plants: Callable[[Sequence[Change]], PlantFamily]
     """the plants that differ by some changes, and no other"""
 
@@ -123,6 +122,12 @@ class PlantFamily(ABC):
     @abstractmethod
     def box(self) -> Box | None:
         """The box of which every plant counts; None where the plants are counted."""
+
+    @property
+    @abstractmethod
+    def without_corners(self) -> PlantFamily:
+        """The nominal plant and `added_plants` where there is a box, from which a search starts;
+        else the family itself."""
 
     @abstractmethod
     def varied(self, changes: Sequence[Change]) -> PlantFamily:

@@ -9,13 +9,14 @@ matrix exponential where they are nearly parallel. The frequency response is a s
 fractions of the sampled model, so that thousands of models cost a few array operations. With delay
 = k + f samples, 0 <= f < 1,
 
-    G(z) = z^-k  sum_i (r_i + q_i / z) / (z - lambda_i),    z = exp(j omega Ts),    q_i = 0 where f = 0
+    G(z) = z^-k  sum_i (r_i + q_i / z) / (z - lambda_i),    z = exp(j omega Ts), q_i = 0 at f = 0
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -109,16 +110,15 @@ class SampledFamily:
             },
         )
 
-    def _arrays(self) -> dict[str, np.ndarray]:
+    def _arrays(self) -> dict[str, Any]:
         return {name: getattr(self, name) for name in _ARRAYS}
 
     @classmethod
     def stack(cls, families: list[SampledFamily]) -> SampledFamily:
         """Families of one shape, sample time and delay, along a new first axis."""
-        return replace(
-            families[0],
-            **{name: np.stack([getattr(family, name) for family in families]) for name in _ARRAYS},
-        )
+        arrays = [family._arrays() for family in families]
+        stacked: dict[str, Any] = {name: np.stack([a[name] for a in arrays]) for name in _ARRAYS}
+        return replace(families[0], **stacked)
 
     def state_space(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(A, B, C) of the sampled models with all delays as states: (..., N, N), (..., N, 1), (1,

@@ -65,11 +65,11 @@ class SpeedModels:
         gain = -(np.linalg.solve(A, self.B)[..., 0] @ self.C)
         return np.where(singular, np.inf, gain)
 
-    def behind_valve(self, natural_frequency: float | None, damping: float) -> SpeedModels:
+    def behind_valve(self, natural_frequency: float | None, damping: float | None) -> SpeedModels:
         """The same models behind a valve w^2/(s^2 + 2 zeta w s + w^2), its spool and the spool's
         rate over w as further states; unchanged for a valve without a `natural_frequency`
         (rad/s)."""
-        if natural_frequency is None:
+        if natural_frequency is None or damping is None:
             return self
         n = self.C.size
         A, B = np.zeros((*self.shape, n + 2, n + 2)), np.zeros((*self.shape, n + 2, 1))
@@ -157,11 +157,12 @@ def of_systems(
     if faults:
         raise InputError(faults)
     order = max(len(A) for A, _, _ in single)
-    stacked = [_padded(A, B, order) for A, B, _ in single]
-    modes = [modes for _, _, modes in single]
-    C = np.eye(order)[0]
+    padded = [_padded(A, B, order) for A, B, _ in single]
     return SpeedModels(
-        *(np.stack(arrays) for arrays in zip(*stacked, strict=True)), C, np.array(modes)
+        np.stack([A for A, _ in padded]),
+        np.stack([B for _, B in padded]),
+        np.eye(order)[0],
+        np.array([mode for _, _, mode in single]),
     )
 
 

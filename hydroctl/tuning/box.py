@@ -20,9 +20,9 @@ import numpy as np
 from ..errors import InputError
 from ..loop.allowances import ALLOWANCE
 from ..loop.margins import Loop, analyse
-from ..loop.plant_family import Change
+from ..loop.plant_family import Box, Change
 from ..loop.points import with_midpoints
-from ..loop.sampled_plant import frequency_grid
+from ..loop.sampled_plant import SampledFamily, frequency_grid
 from ..schedule.margins import WorstPoint
 from ..schedule.schedule import GainSchedule
 
@@ -145,7 +145,7 @@ class _Search:
             if k < len(corners):
                 rows, columns = np.arange(self.x.size), np.arange(self.y.size)
             excess = (
-                self.missed(self.loops(plant[None], rows, columns), _COARSE)[:, 0]
+                self.missed(self.sampled_loops(k, plant, rows, columns), _COARSE)[:, 0]
                 - self.tolerated[np.ix_(rows, columns)]
             )
             for limit, r in np.ndindex(excess.shape[:2]):
@@ -202,6 +202,17 @@ class _Search:
         found = _on_grid(loops, frequencies) if self.only_peaks else analyse(loops)
         return np.stack([_EXCESS[name](found, limit) for name, limit in self.limits.items()])
 
+    def sampled_loops(self, k: int, plant: np.ndarray, rows, columns) -> Loop:
+        """(1, rows, columns): plant number k of the sample, whose models the searches of one box at
+        the same points share."""
+        s = self.schedule
+        points = tuple(self.x.tolist()), tuple(self.y.tolist())
+        shared = _models_of_sample(self.box, points, s.loop, s.Ts, s.delay_samples)
+        if k not in shared:
+            shared[k] = self.loops(plant[None], rows, columns).plant
+        regulators = s.gains(self.x[rows][:, None], self.y[columns])
+        return Loop(shared[k], regulators.broadcast_to(shared[k].shape))
+
     def loops(self, plants: np.ndarray, rows, columns) -> Loop:
         """(plants, rows, columns)"""
         s, x, y = self.schedule, self.x[rows], self.y[columns]
@@ -226,6 +237,14 @@ class _Search:
         return WorstPoint(
             margin, value, self.label(found.plant), float(self.x[found.i]), float(self.y[found.j])
         )
+
+
+@lru_cache(maxsize=2)
+def _models_of_sample(
+    box: Box, points: tuple, loop: str, Ts: float, delay: float
+) -> dict[int, SampledFamily]:
+    """The models of the sample's plants at points (x, y), by their number in it; empty at first."""
+    return {}
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ from ..digits import apart
 from ..errors import InfeasibleError, InputError
 from ..loop.allowances import between_points
 from ..loop.margins import Loop, analyse, peaks
+from ..loop.model_plants import ModelPlants
 from ..loop.plant_family import Change
 from ..loop.points import with_midpoints
 from ..loop.quantity import LoopName
@@ -262,7 +263,7 @@ def assemble_schedule(task: Task, nodes, regulators: Regulators) -> GainSchedule
     speeds = task.family.speed_gains()
     return GainSchedule(
         actuator=task.family.actuator,
-        models=task.family if task.family.actuator is None else None,
+        models=task.family if isinstance(task.family, ModelPlants) else None,
         specification=task.searched_specification,
         loop=task.loop,
         structure=task.structure,

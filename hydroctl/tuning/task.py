@@ -125,14 +125,16 @@ class Task:
         """Regulators of the shape of `notch_frequency` with gains (N, t)."""
         table = np.zeros((len(GAINS), *notch_frequency.shape))
         table[self.used] = gains.T.reshape(-1, *notch_frequency.shape)
-        zz, zp = self.specification.notch_damping if "notch" in self.structure else (1.0, 1.0)
+        damping = self.specification.notch_damping if "notch" in self.structure else None
+        zz, zp = damping or (1.0, 1.0)
         sections = self.specification.lead_lag[: section_count(self.structure)]
         Ts, Tf, Tm = (
             self.specification.sample_time,
             self.specification.Tf,
             self.specification.measurement_filter,
         )
-        return Regulators(Ts, *table, notch_frequency, Tf, zz, zp, sections, Tm)
+        kp, ki, kd = table
+        return Regulators(Ts, kp, ki, kd, notch_frequency, Tf, zz, zp, sections, Tm)
 
     def terms(self, notch_frequency: np.ndarray, omega: np.ndarray) -> np.ndarray:
         """(points, variants * n, t): what each gain contributes to the loop gain at omega
@@ -166,13 +168,16 @@ class Task:
 
 
 def task_of(
-    plant: Plant, x, y, loop: str, structure: str, specification: Specification | None
+    plant: Plant, x, y, loop: LoopName, structure: str, specification: Specification | None
 ) -> Task:
     """The task with its arguments checked: errors as in `tune`."""
     specification = Specification() if specification is None else specification
     everything, specification = _family_of(plant, specification)
-    if x is None and y is None and everything.grid is not None:
-        x, y = everything.grid
+    if everything.grid is not None:
+        x, y = (
+            own if given is None else given
+            for own, given in zip(everything.grid, (x, y), strict=True)
+        )
     faults = [
         fault for name, values in (("x", x), ("y", y)) if (fault := _points_fault(name, values))
     ]
@@ -184,7 +189,7 @@ def task_of(
     if "notch" in structure:
         plants = _sampled(everything, x, y, loop, specification)
         specification = _notch_settled(specification, loop, plants)
-    family = everything if everything.box is None else everything.box.inside
+    family = everything.without_corners
     plants = _sampled(family, x, y, loop, specification)
     task = Task(family, specification, loop, structure, x, y, plants)
     highest = task.notch_frequency.max()

@@ -18,6 +18,7 @@ TS, DELAY = 1e-3, 1.25
 X, Y = np.array([-1.0, -0.3, 0.3, 1.0]), np.array([0.1, 0.25, 0.4])
 NOMINAL = hc.Specification(uncertainty="nominal")
 LAWS = [("velocity", "pi+notch"), ("velocity", "pid"), ("position", "p+notch")]
+S = control.tf("s")
 RATES = np.geomspace(1.0, 0.99 * np.pi / TS, 400)
 
 
@@ -145,14 +146,13 @@ def test_the_models_of_a_machine_are_tuned_as_the_machine(reference, loop, struc
 @pytest.mark.parametrize("quantity", [VELOCITY, POSITION], ids=lambda q: q.loop)
 def test_transfer_functions_of_any_order_are_sampled_as_python_control_does(quantity):
     """Orders 1 to 5 side by side; those of lower order are filled up without a trace."""
-    s = control.tf("s")
     orders = {
-        (0.1, 0.0): 3.0 / (s + 40.0),
-        (0.1, 0.1): 5e3 / (s**2 + 20.0 * s + 9e3),
-        (0.5, 0.0): 4e7 * (s / 300.0 + 1.0) / ((s**2 + 60.0 * s + 2.5e5) * (s + 310.0)),
-        (0.5, 0.1): control.ss(2e9 / ((s**2 + 60.0 * s + 2.5e5) * (s + 90.0) ** 2)),
+        (0.1, 0.0): 3.0 / (S + 40.0),
+        (0.1, 0.1): 5e3 / (S**2 + 20.0 * S + 9e3),
+        (0.5, 0.0): 4e7 * (S / 300.0 + 1.0) / ((S**2 + 60.0 * S + 2.5e5) * (S + 310.0)),
+        (0.5, 0.1): control.ss(2e9 / ((S**2 + 60.0 * S + 2.5e5) * (S + 90.0) ** 2)),
     }
-    third, valve = orders[0.5, 0.0], 4e5 / (s**2 + 900.0 * s + 4e5)
+    third, valve = orders[0.5, 0.0], 4e5 / (S**2 + 900.0 * S + 4e5)
     plants = hc.as_plant(orders | {(0.1, 0.2): third * valve, (0.5, 0.2): third}).sampled(
         [0.1, 0.5], [0.0, 0.1, 0.2], quantity, sample_time=TS, delay_samples=DELAY
     )
@@ -166,10 +166,9 @@ def test_transfer_functions_of_any_order_are_sampled_as_python_control_does(quan
 
 
 def test_the_natural_frequency_is_that_of_the_least_damped_mode():
-    s = control.tf("s")
-    lag = 400.0 / (s + 400.0)
-    soft, stiff = (w**2 / (s**2 + 2.0 * d * w * s + w**2) for w, d in ((300.0, 0.3), (900.0, 0.05)))
-    models = {(0.5, 0.0): soft * stiff * lag, (0.5, 0.1): lag * 30.0 / (s + 30.0), (0.5, 0.2): lag}
+    lag = 400.0 / (S + 400.0)
+    soft, stiff = (w**2 / (S**2 + 2.0 * d * w * S + w**2) for w, d in ((300.0, 0.3), (900.0, 0.05)))
+    models = {(0.5, 0.0): soft * stiff * lag, (0.5, 0.1): lag * 30.0 / (S + 30.0), (0.5, 0.2): lag}
     found = hc.as_plant(models).models.resonance[0, 0]
     expected = [(900.0, 0.05), (np.sqrt(30.0 * 400.0), 430.0 / 2.0 / np.sqrt(12e3)), (400.0, 1.0)]
     np.testing.assert_allclose(found, expected, rtol=1e-9)
@@ -224,6 +223,27 @@ def test_surfaces_that_were_fitted_stand_behind_the_valve_of_their_machine(refer
         for model in (surfaces, bare)
     ]
     assert [order.transition.shape[-1] for order in orders] == [4, 2]
+
+
+def test_surfaces_know_the_speeds_of_the_operating_points(reference):
+    """Behind a dead band the speed is not in proportion to x: the offset holds the rest."""
+    late = reference.replace(dead_band=0.2)
+    x, y = [-0.5, 0.4, 0.6], [0.15, 0.3]
+    expected = hc.find_operating_points(late, np.array(x)[:, None], y).v
+    prompt = hc.find_operating_points(reference, np.array(x)[:, None], y).v
+    plants = hc.as_plant(fitted(late))
+    assert np.abs(expected / prompt - 1.0).min() > 0.05
+    np.testing.assert_allclose(plants.speed(x, y), expected, rtol=0.01)
+    found, own = plants.speed_gains(), hc.as_plant(late).speed_gains()
+    full = np.array([1.0, -1.0])
+    gains = np.array([[f.gain_extend, f.gain_retract] for f in (found, own)])
+    offsets = np.array([[f.offset_extend, f.offset_retract] for f in (found, own)])
+    np.testing.assert_allclose(*(gains * (full - offsets)), rtol=0.02)
+
+
+def test_an_unstable_plant_is_not_called_tuned():
+    with pytest.raises(hc.InfeasibleError, match="unstable loop"):
+        hc.tune({(0.5, 0.1): 9e3 / (S**2 - 20.0 * S + 9e4)}, structure="pi")
 
 
 def test_an_identified_model_is_tuned_where_it_is_known(surfaces):
@@ -340,7 +360,6 @@ def test_every_kind_of_plant_becomes_a_family(reference, linear, reduced, surfac
     assert isinstance(hc.as_plant(surfaces), SurfacePlants)
 
 
-S = control.tf("s")
 GOOD = {(0.5, 0.1): 9e3 / (S**2 + 20.0 * S + 9e4)}
 
 
@@ -391,6 +410,8 @@ def test_what_belongs_to_a_machine_is_refused_for_models(linear, reference):
 def test_families_that_do_not_fit_are_refused(linear, reference, reduced):
     with pytest.raises(InputError, match="variant 'soft' is a SecondOrderFamily"):
         hc.as_plant(linear, variants={"soft": reduced})
+    with pytest.raises(InputError, match="give them together with the models"):
+        hc.as_plant(hc.as_plant(linear), variants={"soft": linear})
     with pytest.raises(InputError, match="variants hold 'nominal'"):
         hc.as_plant(linear, variants={"nominal": linear})
     secant = hc.linearize(reference, linear.points, form="secant")
@@ -413,11 +434,11 @@ def test_points_are_asked_for_where_the_models_have_none(linear, reference, surf
             hc.tune(plant)
     with pytest.raises(InputError, match=r"there is no model at x=0.31, y=0.1 m"):
         hc.tune(linear, [0.31], [0.1])
+    np.testing.assert_array_equal(hc.tune(linear, [0.3]).design_y, Y)
 
 
 def test_a_notch_needs_a_natural_frequency():
-    s = control.tf("s")
-    lag = {(0.5, 0.1): 0.1 * 30.0 / (s + 30.0)}
+    lag = {(0.5, 0.1): 0.1 * 30.0 / (S + 30.0)}
     assert hc.tune(lag, structure="pi+notch").notch_frequency == pytest.approx(30.0)
 
 

@@ -98,6 +98,27 @@ def test_what_needs_the_nonlinear_machine_says_so(schedule, reference, tmp_path)
     assert hc.validate(reference, schedule).runs
 
 
+def test_figures_of_a_loop_are_drawn_on_the_models(schedule):
+    """The curve of the nominal plant ends where its frequency response does."""
+    from hydroctl import plotting
+
+    x, y = float(X[2]), float(Y[1])
+    plant, regulator = schedule.sampled_plants([x], [y]), schedule.gains(x, y)
+    nyquist = np.pi / schedule.Ts
+    expected = (
+        plant.frequency_response([nyquist]) * regulator.frequency_response([nyquist])
+    ).item()
+    curve = plotting.nyquist(schedule, x, y).lines[0]
+    np.testing.assert_allclose(curve.get_xdata()[-1], expected.real, rtol=1e-9)
+    assert plotting.root_locus(schedule, x, y).get_title().startswith("Root locus")
+
+
+def test_one_regulator_serves_all_models(transfer_functions):
+    fixed = hc.tune_fixed(transfer_functions, structure="pi")
+    assert fixed.kp.size == 1
+    assert_margins(fixed, Ms=1.005 * fixed.specification.Ms)
+
+
 def test_a_schedule_is_for_a_machine_or_for_models(schedule, reference):
     from dataclasses import replace
 
