@@ -14,7 +14,7 @@ from ..errors import InputError, unknown_name
 from ..loop.design_plants import sampled_plants
 from ..loop.margins import Loop, analyse
 from ..loop.sampled_plant import frequency_grid
-from ..regulator.structures import series
+from ..regulator.linear import series
 from ..schedule.schedule import GainSchedule
 from .style import (
     BLACK,

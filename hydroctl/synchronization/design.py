@@ -15,7 +15,7 @@ from ..loop.design_plants import sampled_plants
 from ..loop.margins import Loop, peaks
 from ..loop.sampled_plant import SampledFamily, frequency_grid
 from ..machine.actuator import Actuator
-from ..regulator.structures import series
+from ..regulator.linear import series
 from .checks import group_faults
 from .coupling import COUPLINGS, Coupling, CouplingEvidence, coupling_matrix
 
