@@ -12,7 +12,8 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from ..regulator.structures import Regulators, series
+from ..regulator.linear import series
+from ..regulator.structures import Regulators
 from .sampled_plant import LOWEST_FREQUENCY, SampledFamily, about_modes, frequency_grid, merged
 
 MARGIN_UNITS = {

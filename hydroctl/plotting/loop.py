@@ -13,7 +13,7 @@ from matplotlib.patches import Circle
 from ..errors import InputError, unknown_name
 from ..loop.margins import Loop, analyse
 from ..loop.sampled_plant import frequency_grid
-from ..regulator.structures import series
+from ..regulator.linear import series
 from ..schedule.schedule import GainSchedule
 from .style import (
     BLACK,

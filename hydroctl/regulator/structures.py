@@ -12,12 +12,25 @@ rests.
 
 from __future__ import annotations
 
+import operator
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import InputError, unknown_name
+from .linear import (
+    Block,
+    Ratio,
+    block_of,
+    block_of_ratio,
+    filters,
+    parallel,
+    ratio_of,
+    series,
+    term,
+)
 
 if TYPE_CHECKING:
     import control
@@ -94,11 +107,10 @@ class Regulators:
 
     def frequency_response(self, omega) -> np.ndarray:
         """(..., n) complex C at omega in rad/s: one row for all regulators, or a row for each."""
-        z = np.exp(1j * np.asarray(omega, dtype=float) * self.sample_time)
-        gains = (np.asarray(gain)[..., None] for gain in (self.kp, self.ki, self.kd))
-        parts = [
-            gain * part for gain, part in zip(gains, self._parts(z), strict=True) if np.any(gain)
-        ]
+        z = self._z(omega)
+        parts = (
+            np.asarray(gain)[..., None] * term.at(z) for gain, term in self._terms() if np.any(gain)
+        )
         return sum(parts, np.zeros(1)) * self._filter_response(z)
 
     @property
@@ -109,58 +121,37 @@ class Regulators:
 
     def terms(self, omega) -> np.ndarray:
         """(..., n, 3) complex: what kp, ki and kd multiply; sections, notch and filter included."""
-        z = np.exp(1j * np.asarray(omega, dtype=float) * self.sample_time)
-        return np.stack(list(self._parts(z)), axis=-1) * self._filter_response(z)[..., None]
+        z = self._z(omega)
+        parts = [np.broadcast_to(term.at(z), z.shape) for _, term in self._terms()]
+        return np.stack(parts, axis=-1) * self._filter_response(z)[..., None]
 
-    def _parts(self, z):
-        """What kp, ki and kd multiply, without the filters: 1, forward Euler, backward Euler behind
-        Tf."""
-        yield np.ones_like(z)
-        yield self.sample_time / (z - 1.0)
-        yield (z - 1.0) / ((self.Tf + self.sample_time) * z - self.Tf)
+    def _z(self, omega) -> np.ndarray:
+        return np.exp(1j * np.asarray(omega, dtype=float) * self.sample_time)
 
-    def _filter_response(self, z):
-        response = np.ones(np.broadcast_shapes((*self.shape, 1), z.shape), complex)
-        for numerator, denominator in self._filters():
-            response = response * (_falling(numerator, z) / _falling(denominator, z))
-        return response
+    def _terms(self) -> list[tuple[np.ndarray, Ratio]]:
+        """(gain, what it multiplies) of kp, ki and kd."""
+        return [(getattr(self, name), term(name, self.sample_time, self.Tf)) for name in GAINS]
 
-    def _filters(self):
-        """(numerator, denominator) in falling powers of z, each a sequence of arrays (..., 1), of
-        the factors that are in use."""
-        t = np.tan(np.asarray(self.notch_frequency)[..., None] * self.sample_time / 2.0)
-        one = np.ones_like(t)
-        factors = [(_section(zero, t), _section(pole, t)) for zero, pole in self.sections]
-        if self.zz != self.zp:
-            factors.append((_quadratic(self.zz, t), _quadratic(self.zp, t)))
-        if self.Tm:
-            factors.append(
-                (
-                    (self.sample_time * one, 0.0 * one),
-                    ((self.Tm + self.sample_time) * one, -self.Tm * one),
-                )
-            )
-        return factors
+    def _filters(self) -> list[np.ndarray]:
+        """Entries of sections, notch and filter of the measurement, as far as used."""
+        settings = (self.zz, self.zp, self.sections, self.Tm)
+        return filters(self.sample_time, self.notch_frequency, *settings)
 
-    def state_space(self):
+    def _filter_response(self, z: np.ndarray) -> np.ndarray:
+        factors = (ratio_of(entries).at(z) for entries in self._filters())
+        return reduce(operator.mul, factors, np.ones((*self.shape, 1)))
+
+    def state_space(self) -> Block:
         """(A, B, C, D) of e to x over (...): states integral, filtered derivative, sections, notch
         and filter, as far as used."""
-        zero, one = np.zeros(self.shape), np.ones(self.shape)
-        blocks = []
-        if np.any(self.ki):
-            blocks.append((one, self.sample_time * self.ki, zero))
-        if np.any(self.kd):
-            fade = self.Tf / (self.Tf + self.sample_time)
-            gain = self.kd / (self.Tf + self.sample_time)
-            blocks.append((fade * one, (fade - 1.0) * gain, gain))
-        A = np.zeros((*self.shape, len(blocks), len(blocks)))
-        B = np.zeros((*self.shape, len(blocks), 1))
-        D = np.array(self.kp + sum(block[2] for block in blocks), dtype=float)[..., None, None]
-        for i, (pole, gain, _) in enumerate(blocks):
-            A[..., i, i], B[..., i, 0] = pole, gain
-        system = A, B, np.ones((*self.shape, 1, len(blocks))), D
-        for numerator, denominator in self._filters():
-            system = series(system, _companion(numerator, denominator))
+        terms = [
+            block_of_ratio(ratio, np.broadcast_to(gain, self.shape))
+            for gain, ratio in self._terms()
+            if np.any(gain)
+        ]
+        system = parallel(terms, self.shape)
+        for entries in self._filters():
+            system = series(system, block_of(entries))
         return system
 
     def transfer_function(self) -> control.TransferFunction:
@@ -171,62 +162,21 @@ class Regulators:
             raise InputError(
                 f"select one regulator of the {self.shape} first, for example regulators[0, 0]."
             )
-        Ts, z = self.sample_time, control.tf([1.0, 0.0], [1.0], self.sample_time)
-        law = control.tf([self.kp], [1.0], Ts)
-        if self.ki:
-            law = law + self.ki * Ts / (z - 1.0)
-        if self.kd:
-            law = law + self.kd * (z - 1.0) / ((self.Tf + Ts) * z - self.Tf)
-        for factor in self._filters():
-            law = law * control.tf(*(np.ravel(part) for part in factor), Ts)
+        Ts, law = self.sample_time, control.tf([0.0], [1.0], self.sample_time)
+        filters = [(1.0, ratio_of(entries)) for entries in self._filters()]
+        terms, factors = (
+            [control.tf(*_coefficients(gain, ratio), Ts) for gain, ratio in pairs]
+            for pairs in (self._terms(), filters)
+        )
+        for (gain, _), part in zip(self._terms(), terms, strict=True):
+            if gain:
+                law = law + part
+        for factor in factors:
+            law = law * factor
         return control.tf(law, inputs=["e"], outputs=["x"])
 
 
-def _section(corner: float, t):
-    """Coefficients of s/(corner wn) + 1 under Tustin's rule, t = tan(wn Ts/2), up to the factor t
-    (1 + 1/z)."""
-    return 1.0 / corner + t, t - 1.0 / corner
-
-
-def _quadratic(damping: float, t):
-    """Coefficients of s^2 + 2 damping wn s + wn^2, likewise."""
-    return 1.0 + 2.0 * damping * t + t * t, 2.0 * (t * t - 1.0), 1.0 - 2.0 * damping * t + t * t
-
-
-def _falling(coefficients, z):
-    """c0 + c1/z + ..."""
-    value = coefficients[-1]
-    for coefficient in coefficients[-2::-1]:
-        value = coefficient + value / z
-    return value
-
-
-def _companion(numerator, denominator):
-    """(A, B, C, D) of numerator/denominator, coefficients (..., 1) in falling powers of z."""
-    b, a = (
-        np.stack(part, axis=-1)[..., 0, :] / denominator[0] for part in (numerator, denominator)
-    )
-    n = a.shape[-1] - 1
-    A = np.zeros((*a.shape[:-1], n, n))
-    A[..., 0, :] = -a[..., 1:]
-    A[..., range(1, n), range(n - 1)] = 1.0
-    B = np.broadcast_to(np.eye(n)[:, :1], (*a.shape[:-1], n, 1))
-    D = b[..., :1]
-    return A, B, (b[..., 1:] - D * a[..., 1:])[..., None, :], D[..., None]
-
-
-def series(first, second):
-    """The state space of `second` after `first`, each (A, B, C, D) with leading axes that
-    broadcast."""
-    (A1, B1, C1, D1), (A2, B2, C2, D2) = first, second
-    n1, n2 = A1.shape[-1], A2.shape[-1]
-    shape = np.broadcast_shapes(A1.shape[:-2], A2.shape[:-2])
-    A = np.zeros((*shape, n1 + n2, n1 + n2))
-    A[..., :n1, :n1], A[..., n1:, n1:], A[..., n1:, :n1] = A1, A2, B2 @ C1
-    B = np.concatenate(
-        [np.broadcast_to(B1, (*shape, n1, 1)), np.broadcast_to(B2 @ D1, (*shape, n2, 1))], axis=-2
-    )
-    C = np.concatenate(
-        [np.broadcast_to(D2 @ C1, (*shape, 1, n1)), np.broadcast_to(C2, (*shape, 1, n2))], axis=-1
-    )
-    return A, B, C, D2 @ D1
+def _coefficients(gain, ratio: Ratio) -> tuple[np.ndarray, np.ndarray]:
+    """(numerator, denominator) of gain times a ratio without leading axes."""
+    numerator, denominator = (np.ravel(part) for part in (ratio.numerator, ratio.denominator))
+    return float(gain) * ratio.gain * numerator, denominator

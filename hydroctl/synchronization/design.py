@@ -17,7 +17,7 @@ from ..loop.plant_family import PlantFamily
 from ..loop.quantity import POSITION
 from ..loop.sampled_plant import SampledFamily, frequency_grid
 from ..machine.actuator import Actuator
-from ..regulator.structures import series
+from ..regulator.linear import series
 from .checks import group_faults
 from .coupling import COUPLINGS, Coupling, CouplingEvidence, coupling_matrix
 

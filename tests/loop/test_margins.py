@@ -9,7 +9,8 @@ import pytest
 from hydroctl.loop.margins import Loop, analyse
 from hydroctl.loop.sampled_plant import sample
 from hydroctl.regulator.forms import StandardForm
-from hydroctl.regulator.structures import Regulators, series
+from hydroctl.regulator.linear import series
+from hydroctl.regulator.structures import Regulators
 
 TS = 1e-3
 

@@ -9,7 +9,7 @@ from groups import machines_of, pair, quartet, tuned
 import hydroctl as hc
 from hydroctl.errors import InputError
 from hydroctl.loop.margins import Loop, analyse
-from hydroctl.regulator.structures import series
+from hydroctl.regulator.linear import series
 from hydroctl.synchronization import Coupling, design_coupling
 from hydroctl.synchronization.coupling import COUPLINGS, coupling_matrix
 from hydroctl.synchronization.design import DifferenceLoop, group_poles

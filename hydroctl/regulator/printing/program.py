@@ -24,6 +24,7 @@ from .statements import (
     Item,
     Name,
     Number,
+    all_parts,
     read_by,
 )
 from .tidying import tidied
@@ -147,7 +148,7 @@ def _called(functions: dict, bodies: list[Body | None]) -> tuple[Function, ...]:
     """The functions that any of the bodies calls, each after those that it calls itself."""
     found: dict[str, Function] = {}
     for body in bodies:
-        for part in read_by(body) if body else ():
+        for part in all_parts(body) if body else ():
             if isinstance(part, Call) and isinstance(
                 made := functions.get(part.function), Function
             ):

@@ -216,7 +216,13 @@ def expressions_of(statement: Statement) -> tuple:
     return ()
 
 
-def read_by(body: Body) -> set:
-    """Every part of what the body reads."""
+def all_parts(body: Body):
+    """Every part of what the body reads, in order."""
     expressions = [e for s in body.statements for e in expressions_of(s)]
-    return {part for e in (*expressions, *body.results.values()) for part in parts_of(e)}
+    for expression in (*expressions, *body.results.values()):
+        yield from parts_of(expression)
+
+
+def read_by(body: Body) -> set:
+    """The same as a set."""
+    return set(all_parts(body))
