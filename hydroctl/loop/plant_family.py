@@ -21,7 +21,7 @@ from .points import with_midpoints
 from .quantity import ControlledQuantity
 from .sampled_plant import SampledFamily
 
-_KEPT = 4
+_KEPT = 8
 """sets of sampled plants that a family remembers"""
 Change = Mapping[str, float]
 """What a plant differs by from the nominal machine: {parameter: value in SI}"""

@@ -239,7 +239,7 @@ class _Search:
         )
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=4)
 def _models_of_sample(
     box: Box, points: tuple, loop: str, Ts: float, delay: float
 ) -> dict[int, SampledFamily]:

@@ -110,8 +110,12 @@ def test_an_export_states_it(designed, tmp_path):
     assert "State of the proof: sampled" in text
 
 
-def test_design_save_load_and_export_sample_each_set_of_plants_once(monkeypatch, tmp_path):
-    """Each set: plants, points, what the loop controls, sampling."""
+@pytest.mark.parametrize("uncertainty", ["corners", "box"])
+def test_design_save_load_and_export_sample_each_set_of_plants_once(
+    monkeypatch, tmp_path, uncertainty
+):
+    """Each set: plants, points, what the loop controls, sampling. Only the climbs of the search of a
+    box come to the same few points of a plant again, while it designs; nothing does after that."""
     counted = Counter()
     sample = machine_plants.sample
 
@@ -123,10 +127,12 @@ def test_design_save_load_and_export_sample_each_set_of_plants_once(monkeypatch,
 
     monkeypatch.setattr(machine_plants, "sample", counting)
     machine = hc.load_actuator("differential_100_56").replace(mass=431.0)
-    made = hc.design(machine, specification=ASKED)
+    asked = hc.Specification(uncertainty=uncertainty)
+    made = hc.design(machine, specification=asked)
     by_design = Counter(counted)
     read = hc.load_schedule(made.schedule.save(tmp_path / "schedule.json"))
     hc.export_schedule(read, tmp_path / "press.c", "c")
     hc.export_schedule(read, tmp_path / "press.st", "st")
     assert counted == by_design
-    assert set(by_design.values()) == {1}
+    if uncertainty == "corners":
+        assert set(by_design.values()) == {1}
