@@ -27,8 +27,10 @@ from hydroctl import paper
 
 # %matplotlib inline
 
-# %% [markdown] ## Table 1: zero and poles Secant form (the paper's equation 2), leakage zero. The
-# paper states Kv = 5e-12, but its table belongs to Kv = 0.
+# %% [markdown]
+# ## Table 1: zero and poles
+# Secant form (the paper's equation 2), leakage zero. The paper states Kv = 5e-12, but its table
+# belongs to Kv = 0.
 
 # %%
 matching = 0
@@ -46,11 +48,12 @@ for (x, y, *computed), (_, _, *printed) in zip(
         "{:4.1f} {:4.1f} {:>10} {:>10} {:>10} +- {:>7}i   {} of 4".format(x, y, *rows[0], sum(same))
     )
 
-# %% [markdown] ## The coefficients of equation (3) All 26 numbers follow from the recipe in
-# `hydroctl.paper`: least squares over 11 x 11 points, and one constant for b. Two things are wrong
-# in them. The half for x < 0 was computed at the operating point of x > 0, which is no equilibrium
-# there; below it stand the numbers at the true one. And the one constant for b leaves the static
-# gain off by up to 15 % (30 % for x < 0).
+# %% [markdown]
+# ## The coefficients of equation (3)
+# All 26 numbers follow from the recipe in `hydroctl.paper`: least squares over 11 x 11 points, and
+# one constant for b. Two things are wrong in them. The half for x < 0 was computed at the operating
+# point of x > 0, which is no equilibrium there; below it stand the numbers at the true one. And the
+# one constant for b leaves the static gain off by up to 15 % (30 % for x < 0).
 
 # %%
 table = paper.coefficient_table()
@@ -60,16 +63,16 @@ pairs = [
     for name in ("a1", "a2", "b")
 ]
 deviations = np.concatenate([np.abs(np.divide(ours, theirs) - 1.0) for ours, theirs in pairs])
-print(
-    f"{deviations.size} numbers, largest deviation from the printed ones: {deviations.max():.1e}\n"
-)
+print(f"{deviations.size} numbers, at most {deviations.max():.1e} from the printed ones\n")
 print(paper.quasi_linear_model(table).table())
 print("\nat the true equilibrium:")
 print(paper.quasi_linear_model({"-": paper.corrected_coefficient_table()["-"]}).table())
 
-# %% [markdown] ## Secant and tangent The paper drops a zero and a pole that are 8 to 12 % apart. In
-# the tangent form, which feedback design needs, they agree to 3e-4 (8e-4 with the leakage that the
-# paper states): this is why a second-order model works for design.
+# %% [markdown]
+# ## Secant and tangent
+# The paper drops a zero and a pole that are 8 to 12 % apart. In the tangent form, which feedback
+# design needs, they agree to 3e-4 (8e-4 with the leakage that the paper states): this is why a
+# second-order model works for design.
 
 # %%
 reference = hc.load_actuator("reference")
@@ -79,10 +82,11 @@ for machine in (paper.actuator(), reference):
         gap = np.abs(hc.reduce_order(hc.linearize(machine, points, form=form)).pole_zero_gap)
         print(f"Kv = {machine.leakage:5g}, {form:7} form: gap {gap.min():.1e} ... {gap.max():.1e}")
 
-# %% [markdown] ## Figures 2 and 3: a staircase of rising amplitude The nonlinear plant against the
-# printed model, the same recipe at the true equilibrium, and surfaces in the volume basis {1, x} x
-# {1, 1/V_a(y), 1/V_b(y)} whose static gain is matched at every point. The second staircase changes
-# its sign at every step.
+# %% [markdown]
+# ## Figures 2 and 3: a staircase of rising amplitude
+# The nonlinear plant against the printed model, the same recipe at the true equilibrium, and
+# surfaces in the volume basis {1, x} x {1, 1/V_a(y), 1/V_b(y)} whose static gain is matched at
+# every point. The second staircase changes its sign at every step.
 
 # %%
 x_grid = np.concatenate([-np.geomspace(1.0, 0.02, 11), np.geomspace(0.02, 1.0, 11)])[:, None]
@@ -132,10 +136,12 @@ below.set(xlabel="time (s)", ylabel="speed v (m/s)")
 below.legend()
 figure
 
-# %% [markdown] ## The answer All 16 numbers of Table 1 come out to every printed digit, and the 26
-# coefficients to 2e-5. The model that they make misses the speed of the rising staircase by 16 % of
-# its spread, nearly all of it through the one constant for b; with the static gain matched at every
-# point less than 0.1 % is left.
+# %% [markdown]
+# ## The answer
+# All 16 numbers of Table 1 come out to every printed digit, and the 26 coefficients to 2e-5. The
+# model that they make misses the speed of the rising staircase by 16 % of its spread, nearly all of
+# it through the one constant for b; with the static gain matched at every point less than 0.1 % is
+# left.
 
 # %%
 assert matching == 16

@@ -27,16 +27,19 @@ from hydroctl.tuning import default_points
 
 # %matplotlib inline
 
-# %% [markdown] ## The machine `load_actuator` takes the name of a shipped machine or the path of
-# your own data sheet, a TOML file in which every number carries its unit.
+# %% [markdown]
+# ## The machine
+# `load_actuator` takes the name of a shipped machine or the path of your own data sheet, a TOML
+# file in which every number carries its unit.
 
 # %%
 actuator = hc.load_actuator("reference")
 actuator
 
-# %% [markdown] ## Where it works, and how it behaves there At each valve opening x and position y:
-# the equilibrium, then the linear model around it. Fields come as arrays over the grid; one member
-# becomes an object of python-control.
+# %% [markdown]
+# ## Where it works, and how it behaves there
+# At each valve opening x and position y: the equilibrium, then the linear model around it. Fields
+# come as arrays over the grid; one member becomes an object of python-control.
 
 # %%
 x = np.array([-1.0, -0.5, -0.1, -0.02, 0.02, 0.1, 0.5, 1.0])
@@ -44,7 +47,8 @@ y = np.linspace(0.0, actuator.stroke, 11)
 points = hc.find_operating_points(actuator, x[:, None], y)
 family = hc.linearize(actuator, points)
 print(
-    f"{points.feasible.sum()} of {points.feasible.size} operating points, largest residual {points.residual.max():.1e}"
+    f"{points.feasible.sum()} of {points.feasible.size} operating points, "
+    f"largest residual {points.residual.max():.1e}"
 )
 family[5, 5].transfer_function()
 
@@ -54,8 +58,9 @@ plotting.bode(family)[0].figure
 # %%
 plotting.pole_zero_map(family)[0].figure
 
-# %% [markdown] The real pole and the zero nearly cancel, so that second order is enough. Every
-# point carries the error of that step.
+# %% [markdown]
+# The real pole and the zero nearly cancel, so that second order is enough. Every point carries the
+# error of that step.
 
 # %%
 reduced = hc.reduce_order(family)
@@ -63,10 +68,11 @@ model = hc.fit_surfaces(reduced)
 print(model.table())
 plotting.reduction_error_map(reduced).figure
 
-# %% [markdown] ## Gains that hold on the machine as it is, and on one that differs The
-# specification asks for Ms <= 1.6 and Mt <= 1.3 on five machines: the nominal one and the corners
-# of bulk modulus +-30 % and mass +-50 % at a supply pressure 20 % too high. At each node the tuner
-# finds the largest integral gain that holds on all of them.
+# %% [markdown]
+# ## Gains that hold on the machine as it is, and on one that differs
+# The specification asks for Ms <= 1.6 and Mt <= 1.3 on five machines: the nominal one and the
+# corners of bulk modulus +-30 % and mass +-50 % at a supply pressure 20 % too high. At each node
+# the tuner finds the largest integral gain that holds on all of them.
 
 # %%
 specification = hc.Specification(
@@ -84,8 +90,9 @@ plotting.gain_surfaces(schedule)[0].figure
 # %%
 plotting.margin_map(schedule.margins, "Ms", limit=specification.Ms).figure
 
-# %% [markdown] The worst point is found between the nodes as well as at them. There, the loop as a
-# control engineer looks at it:
+# %% [markdown]
+# The worst point is found between the nodes as well as at them. There, the loop as a control
+# engineer looks at it:
 
 # %%
 worst = schedule.margins.worst("Ms")
@@ -95,9 +102,10 @@ plotting.nyquist(schedule, worst.x, worst.y).figure
 # %%
 plotting.root_locus(schedule, worst.x, worst.y, variant=worst.variant).figure
 
-# %% [markdown] ## On the nonlinear machine Steps at three positions both ways, steps far beyond the
-# valve's range, and a reversal, under the sampled regulator with its delay, saturation and
-# anti-windup.
+# %% [markdown]
+# ## On the nonlinear machine
+# Steps at three positions both ways, steps far beyond the valve's range, and a reversal, under the
+# sampled regulator with its delay, saturation and anti-windup.
 
 # %%
 report = hc.validate(actuator, schedule)
@@ -105,10 +113,12 @@ print(report.summary())
 run = report.runs[0]
 plotting.traces(run.trajectory, run.scenario)[0].figure
 
-# %% [markdown] ## The answer The schedule goes to the controller as a file. Its integral gain, the
-# median over twelve operating points, is the price of robustness: an independent study found 306
-# 1/m for these limits and machines, and 477 1/m at x = 0.1, y = 0.25 m for a regulator that trusts
-# the nominal machine alone.
+# %% [markdown]
+# ## The answer
+# The schedule goes to the controller as a file. Its integral gain, the median over twelve operating
+# points, is the price of robustness: an independent study found 306 1/m for these limits and
+# machines, and 477 1/m at x = 0.1, y = 0.25 m for a regulator that trusts the nominal machine
+# alone.
 
 # %%
 schedule.save("schedule.json")
@@ -117,6 +127,7 @@ median = np.median(
     schedule.gains(np.array([-1.0, -0.1, 0.1, 1.0])[:, None], np.array([0.0, 0.25, 0.5])).ki
 )
 print(
-    f"ki: {median:.0f} 1/m robust, {nominal.ki[0, 0]:.0f} 1/m nominal; every requirement met: {report.passed}"
+    f"ki: {median:.0f} 1/m robust, {nominal.ki[0, 0]:.0f} 1/m nominal; "
+    f"every requirement met: {report.passed}"
 )
 assert abs(median / 306.0 - 1.0) <= 0.03

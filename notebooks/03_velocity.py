@@ -26,7 +26,7 @@ from matplotlib.figure import Figure
 
 import hydroctl as hc
 from hydroctl import plotting
-from hydroctl.schedule.schedule import check_margins
+from hydroctl.schedule import check_margins
 
 # %matplotlib inline
 
@@ -34,10 +34,12 @@ actuator = hc.load_actuator("reference")
 x, y = np.array([-1.0, -0.1, 0.1, 1.0]), np.array([0.0, 0.25, 0.5])
 structures = ("pi", "pi+notch", "pid", "pid+notch")
 
-# %% [markdown] ## Two specifications Both ask for Ms <= 1.6 and Mt <= 1.3 at a sample time of 1 ms
-# and one sample of delay, with as much integral gain as these limits allow. "nominal" asks it of
-# one machine, "corners" of five: the nominal one, and bulk modulus +-30 % with mass +-50 % at a
-# supply pressure 20 % too high. The notch is that of the study whose figure stands at the end.
+# %% [markdown]
+# ## Two specifications
+# Both ask for Ms <= 1.6 and Mt <= 1.3 at a sample time of 1 ms and one sample of delay, with as
+# much integral gain as these limits allow. "nominal" asks it of one machine, "corners" of five: the
+# nominal one, and bulk modulus +-30 % with mass +-50 % at a supply pressure 20 % too high. The
+# notch is that of the study whose figure stands at the end.
 
 # %%
 dampings = {"nominal": (0.2, 0.8), "corners": (0.3, 0.8)}
@@ -51,9 +53,10 @@ schedules = {
     for kind, specification in specifications.items()
 }
 
-# %% [markdown] ## 27 machines at 12 points Every combination of low, nominal and high bulk modulus,
-# mass and supply pressure. A loop is lost where a pole of the sampled closed loop is not inside the
-# unit circle.
+# %% [markdown]
+# ## 27 machines at 12 points
+# Every combination of low, nominal and high bulk modulus, mass and supply pressure. A loop is lost
+# where a pole of the sampled closed loop is not inside the unit circle.
 
 # %%
 factors = {
@@ -112,9 +115,11 @@ ax.set(
 ax.legend()
 figure
 
-# %% [markdown] ## The price and its return A regulator that trusts the data sheet loses whole loops
-# as soon as it has a notch or a derivative. Held on all machines, both together give back what
-# robustness took: the loop stays clear of the forbidden circles on every variant.
+# %% [markdown]
+# ## The price and its return
+# A regulator that trusts the data sheet loses whole loops as soon as it has a notch or a
+# derivative. Held on all machines, both together give back what robustness took: the loop stays
+# clear of the forbidden circles on every variant.
 
 # %%
 plotting.nyquist(schedules["pid+notch", "corners"], 0.1, 0.25).figure
@@ -122,8 +127,10 @@ plotting.nyquist(schedules["pid+notch", "corners"], 0.1, 0.25).figure
 # %%
 plotting.nyquist(schedules["pid", "nominal"], 0.1, 0.25).figure
 
-# %% [markdown] ## The answer PI with a notch and a derivative, held on the corners: ki = 776 1/m by
-# an independent study, two and a half times the robust PI, and no loop lost.
+# %% [markdown]
+# ## The answer
+# PI with a notch and a derivative, held on the corners: ki = 776 1/m by an independent study, two
+# and a half times the robust PI, and no loop lost.
 
 # %%
 ki, Ms, unstable = results["pid+notch", "corners"]

@@ -10,8 +10,8 @@
 #     name: python3
 # ---
 
-# %% [markdown] # How much of the following error does feed-forward take away, and does the loop
-# hold on a thousand machines?
+# %% [markdown]
+# # What does feed-forward take off the following error, also on a thousand machines?
 #
 # A position loop that only reacts lags behind a moving reference. The speed that the reference asks
 # for is known, and the operating points say which valve opening gives it. This notebook measures
@@ -36,9 +36,11 @@ schedule, fixed = (
 )
 plotting.gain_surfaces(schedule)[0].figure
 
-# %% [markdown] ## A sine of 10 mm at 1 Hz The feed-forward is x = v_ref / K + offset, gain and
-# offset for each direction from the operating points. Both motions below use the one regulator that
-# serves all points, with the feed-forward and without it.
+# %% [markdown]
+# ## A sine of 10 mm at 1 Hz
+# The feed-forward is x = v_ref / K + offset, gain and offset for each direction from the operating
+# points. Both motions below use the one regulator that serves all points, with the feed-forward and
+# without it.
 
 # %%
 t = np.arange(4000) * schedule.Ts
@@ -64,9 +66,11 @@ for name, error in rms.items():
     print(f"{name:22} error {1e3 * error:.4f} mm rms")
 plotting.comparison(motions, scenario)[0].figure
 
-# %% [markdown] ## On a thousand machines Steps both ways at three positions, steps at full opening
-# and reversals, each on its own random machine: bulk modulus, mass, supply pressure, friction and
-# load. The same seed gives the same thousand, and any case can be run again by its own seed.
+# %% [markdown]
+# ## On a thousand machines
+# Steps both ways at three positions, steps at full opening and reversals, each on its own random
+# machine: bulk modulus, mass, supply pressure, friction and load. The same seed gives the same
+# thousand, and any case can be run again by its own seed.
 
 # %%
 results = {
@@ -76,14 +80,17 @@ results = {
 for name, result in results.items():
     settling, pressure = result.metrics["settling_time"], result.metrics["peak_pressure"]
     print(
-        f"{name:10} {np.isfinite(settling).sum()} of {settling.size} settled, peak pressure {pressure.max() / 1e5:.0f} bar"
+        f"{name:10} {np.isfinite(settling).sum()} of {settling.size} settled, "
+        f"peak pressure {pressure.max() / 1e5:.0f} bar"
     )
 plotting.distributions({name: result.metrics for name, result in results.items()})[0].figure
 
-# %% [markdown] ## The answer Feed-forward takes the error down by a factor of nearly 70 (an
-# independent study found 45), and all thousand machines settle. What is left without it is no
-# surprise: the sensitivity of the linear loop at 1 Hz, put together by python-control from the
-# models of both directions at the mean opening of the sine, predicts it.
+# %% [markdown]
+# ## The answer
+# Feed-forward takes the error down by a factor of nearly 70 (an independent study found 45), and
+# all thousand machines settle. What is left without it is no surprise: the sensitivity of the
+# linear loop at 1 Hz, put together by python-control from the models of both directions at the mean
+# opening of the sine, predicts it.
 
 # %%
 z, predicted = np.exp(1j * omega * schedule.Ts), []
@@ -97,6 +104,7 @@ expected, factor = (
     rms["without feed-forward"] / rms["with feed-forward"],
 )
 print(
-    f"feed-forward: {factor:.0f} times less; without it {1e3 * rms['without feed-forward']:.3f} mm, {1e3 * expected:.3f} predicted"
+    f"feed-forward: {factor:.0f} times less; "
+    f"without it {1e3 * rms['without feed-forward']:.3f} mm, {1e3 * expected:.3f} predicted"
 )
 assert abs(rms["without feed-forward"] / expected - 1.0) <= 0.02

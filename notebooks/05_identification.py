@@ -29,9 +29,11 @@ import hydroctl as hc
 actuator = hc.load_actuator("reference")
 rng = np.random.default_rng(5)
 
-# %% [markdown] ## The record Three seconds around x = 0.1: the valve jumps at random between 0.08
-# and 0.12, each time for 2 to 9 ms, which excites the resonance. The sensor adds noise to the
-# speed, a fifth of the speed's own spread.
+# %% [markdown]
+# ## The record
+# Three seconds around x = 0.1: the valve jumps at random between 0.08 and 0.12, each time for 2 to
+# 9 ms, which excites the resonance. The sensor adds noise to the speed, a fifth of the speed's own
+# spread.
 
 # %%
 Ts, count, x_mean, y_start = 1e-3, 3001, 0.1, 0.1
@@ -52,11 +54,13 @@ ax.set(xlabel="time (s)", ylabel="speed v (m/s)")
 ax.legend()
 figure
 
-# %% [markdown] ## Two methods on the same record Least squares needs the derivatives of the speed,
-# and differences of a noisy speed correlate with the noise itself: the estimate is biased, however
-# long the record. Refined instrumental variables filter the record with the model that they find,
-# and use a noise-free simulation of it as instrument. The truth is the linear model of the
-# equations at the mean position, reduced to second order.
+# %% [markdown]
+# ## Two methods on the same record
+# Least squares needs the derivatives of the speed, and differences of a noisy speed correlate with
+# the noise itself: the estimate is biased, however long the record. Refined instrumental variables
+# filter the record with the model that they find, and use a noise-free simulation of it as
+# instrument. The truth is the linear model of the equations at the mean position, reduced to second
+# order.
 
 # %%
 truth = hc.reduce_order(
@@ -77,9 +81,11 @@ for method, error in errors.items():
         + f"{found[method].fit.hold_out:16.1f} %"
     )
 
-# %% [markdown] ## How well it is known The covariance says how far the coefficients may be off.
-# Fifty records with other noise show that it tells the truth: the scatter of the fifty estimates
-# beside the standard deviation that each of them states.
+# %% [markdown]
+# ## How well it is known
+# The covariance says how far the coefficients may be off. Fifty records with other noise show that
+# it tells the truth: the scatter of the fifty estimates beside the standard deviation that each of
+# them states.
 
 # %%
 noisy = [motion.v + 0.2 * motion.v.std() * rng.normal(size=count) for _ in range(50)]
@@ -92,7 +98,8 @@ stated = (
 scatter, bias = estimates.std(axis=0, ddof=1), estimates.mean(axis=0) - 1.0
 for k, name in enumerate(("a1", "a2", "b")):
     print(
-        f"{name:3} mean off by {100 * bias[k]:6.3f} %, scatter {100 * scatter[k]:.2f} %, stated {100 * stated[k]:.2f} %"
+        f"{name:3} mean off by {100 * bias[k]:6.3f} %, "
+        f"scatter {100 * scatter[k]:.2f} %, stated {100 * stated[k]:.2f} %"
     )
 
 # %%
@@ -114,12 +121,14 @@ ax.set(xlabel="error of a2 (%)", ylabel="error of b (%)")
 ax.legend()
 figure
 
-# %% [markdown] ## The answer Yes: the square of the natural frequency, a2, comes out right within
-# what the equations of the machine say and the noise allows; plain least squares misses it by tens
-# of per cent.
+# %% [markdown]
+# ## The answer
+# Yes: the square of the natural frequency, a2, comes out right within what the equations of the
+# machine say and the noise allows; plain least squares misses it by tens of per cent.
 
 # %%
 print(
-    f"a2 over fifty records: {100 * bias[1]:+.3f} % from the linear model, least squares {100 * errors['least-squares'][1]:+.0f} %"
+    f"a2 over fifty records: {100 * bias[1]:+.3f} % from the linear model, "
+    f"least squares {100 * errors['least-squares'][1]:+.0f} %"
 )
 assert abs(bias[1]) <= 0.005

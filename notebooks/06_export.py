@@ -76,9 +76,10 @@ state = ctypes.create_string_buffer(1024)
 library.press_init(state)
 library.press_step.restype = ctypes.c_double
 
-# %% [markdown] ## The same motion twice A step at full opening, so that limit and anti-windup act
-# too. The simulation runs its own, compiled form of the law; the C code gets only what the sensors
-# would tell it.
+# %% [markdown]
+# ## The same motion twice
+# A step at full opening, so that limit and anti-windup act too. The simulation runs its own,
+# compiled form of the law; the C code gets only what the sensors would tell it.
 
 # %%
 t = np.arange(2200) * schedule.Ts
@@ -108,12 +109,15 @@ below.set(xlabel="time (s)", ylabel="position y (m)")
 below.legend()
 figure
 
-# %% [markdown] ## The answer All 2200 commands agree to rounding: the C code and the simulation are
-# two independent forms of one law.
+# %% [markdown]
+# ## The answer
+# All 2200 commands agree to rounding: the C code and the simulation are two independent forms of
+# one law.
 
 # %%
 difference = np.abs(commands - motion.command).max()
 print(
-    f"{np.count_nonzero(np.abs(commands) == 1.0)} samples at the limit, largest difference of a command {difference:.1e}"
+    f"{np.count_nonzero(np.abs(commands) == 1.0)} samples at the limit, "
+    f"largest difference of a command {difference:.1e}"
 )
 assert difference <= 1e-12

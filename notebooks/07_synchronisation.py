@@ -49,19 +49,22 @@ schedules = [
     for actuator in actuators
 ]
 
-# %% [markdown] ## How strong may the coupling be? A coupling gives every cylinder, beside the
-# common reference, a part of what it lacks to the mean of all. The common motion does not feel
-# that; the differences do, and their loops have the gain (1 + kc + ki/s) L. `design_coupling` takes
-# the largest part of the wanted gains with which these loops keep Ms at every design point.
+# %% [markdown]
+# ## How strong may the coupling be?
+# A coupling gives every cylinder, beside the common reference, a part of what it lacks to the mean
+# of all. The common motion does not feel that; the differences do, and their loops have the gain (1
+# + kc + ki/s) L. `design_coupling` takes the largest part of the wanted gains with which these
+# loops keep Ms at every design point.
 
 # %%
 couplings = {name: design_coupling(actuators, schedules, name, Ms=2.0) for name in COUPLINGS}
 for name, coupling in couplings.items():
     print(f"{name}: kc = {coupling.kc:.3f}, ki = {coupling.ki:.1f} 1/s\n  {coupling.evidence}")
 
-# %% [markdown] ## 200 mm in 3.2 s under four loads None; constant; a step at 1.7 s; a sine of 3 Hz.
-# At the step the oil gives way at once by load over stiffness, before any valve can act. The 0.2 s
-# after it count apart.
+# %% [markdown]
+# ## 200 mm in 3.2 s under four loads
+# None; constant; a step at 1.7 s; a sine of 3 Hz. At the step the oil gives way at once by load
+# over stiffness, before any valve can act. The 0.2 s after it count apart.
 
 # %%
 path = s_curve(0.1, 0.3, 3.2)
@@ -76,9 +79,10 @@ plotting.synchronization_errors(runs)[0].figure
 print(runs["mean"].summary())
 plotting.group_motion(runs["mean"])[0].figure
 
-# %% [markdown] ## One cylinder is too weak 300 mm in 2.4 s, with 700 kN on the last one: its valve
-# opens fully and it falls behind, whatever the coupling. The way out is to slow the common
-# reference by the worst lag.
+# %% [markdown]
+# ## One cylinder is too weak
+# 300 mm in 2.4 s, with 700 kN on the last one: its valve opens fully and it falls behind, whatever
+# the coupling. The way out is to slow the common reference by the worst lag.
 
 # %%
 fast, heavy = s_curve(0.1, 0.4, 2.4), [0.0, 0.0, 0.0, 7e5]
@@ -105,9 +109,10 @@ halted = hc.synchronize(
 print(halted.summary())
 plotting.group_motion(halted)[0].figure
 
-# %% [markdown] ## The answer Coupled by the mean, within about 0.02 mm rms while the loads differ
-# by 3 x 10^5 N; an independent study of the same case found 0.020 mm, and 0.037 mm without
-# coupling.
+# %% [markdown]
+# ## The answer
+# Coupled by the mean, within about 0.02 mm rms while the loads differ by 3 x 10^5 N; an independent
+# study of the same case found 0.020 mm, and 0.037 mm without coupling.
 
 # %%
 rms = {name: 1e3 * run.metrics.rms for name, run in runs.items()}
