@@ -32,7 +32,8 @@ from .cases import (
     whole_number_fault,
 )
 from .chunks import ChunkStore
-from .verdict import Requirement, Verdict, worst_of
+from .verdict import Requirement, worst_of
+from ..schedule.verdict import Verdict
 
 if TYPE_CHECKING:
     from ..schedule.schedule import GainSchedule

@@ -13,7 +13,8 @@ from .metrics import Metrics, measure
 from .plants import plants_of, require_machine
 from .scale import scale_of
 from .scenarios import step_scenarios
-from .verdict import Requirement, Verdict, default_requirements, judge
+from .verdict import Requirement, default_requirements, judge
+from ..schedule.verdict import Verdict
 
 if TYPE_CHECKING:
     from ..schedule.schedule import GainSchedule
