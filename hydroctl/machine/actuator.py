@@ -234,9 +234,10 @@ def field_faults(values: Mapping[str, object]) -> list[str]:
     What is not in `values` is unknown, and no fault.
     """
     alone = {name: fault for name, value in values.items() if (fault := field_fault(name, value))}
-    sound = dict.fromkeys(PARAMETERS, math.nan)
+    sound: dict[str, float | None] = dict.fromkeys(PARAMETERS, math.nan)
     for name in PARAMETERS.keys() & values.keys() - alone.keys():
-        sound[name] = None if values[name] is None else float(values[name])
+        value = values[name]
+        sound[name] = float(value) if isinstance(value, Real) else None
     return [*alone.values(), *_contradictions(SimpleNamespace(**sound))]
 
 

@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Iterable, Mapping
 from numbers import Real
+from typing import TypeGuard
 
 from ..errors import InputError, unknown_name
 from .actuator import PARAMETERS, Actuator, field_fault
@@ -32,7 +33,7 @@ def is_number(value: object) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
 
 
-def is_pair(value: object) -> bool:
+def is_pair(value: object) -> TypeGuard[tuple[float, float]]:
     return isinstance(value, tuple) and len(value) == 2 and all(map(is_number, value))
 
 
@@ -74,7 +75,7 @@ def added_faults(plants: object) -> list[str]:
     return sorted(f"added_plants: {fault}" for fault in faults if fault)
 
 
-def _is_pair_of_texts(ends: object) -> bool:
+def _is_pair_of_texts(ends: object) -> TypeGuard[tuple[str, str]]:
     return isinstance(ends, tuple) and len(ends) == 2 and all(isinstance(end, str) for end in ends)
 
 
@@ -95,7 +96,8 @@ def _value_faults(name: str, texts: tuple[str, str]) -> list[str]:
         return [
             f"uncertainty of {name} = {texts!r}: it has no unit; give two factors (low, high), numbers."
         ]
-    faults, values = [], []
+    faults: list[str] = []
+    values: list[float] = []
     for text in texts:
         try:
             values.append(to_si(f"uncertainty of {name}", text, unit))
@@ -127,10 +129,8 @@ def ranges(
         fault for name, ends in stated.items() if (fault := _nothing_varied(actuator, name, ends))
     ]:
         raise InputError(faults)
-    return {
-        name: tuple(sorted(_value(actuator, name, end) for end in ends))
-        for name, ends in stated.items()
-    }
+    found = {name: [_value(actuator, name, end) for end in ends] for name, ends in stated.items()}
+    return {name: (min(ends), max(ends)) for name, ends in found.items()}
 
 
 def _stated(uncertainty: str | Mapping[str, Ends]) -> Mapping[str, Ends]:
@@ -229,7 +229,7 @@ def variant_label(
 def _shown(actuator: Actuator, name: str, value: float, ends: Ends | None) -> str:
     unit = PARAMETERS[name].metadata["unit"]
     if ends is not None and _is_pair_of_texts(ends):
-        return from_si(value, unit, unit_in(ends[1]))
+        return from_si(value, unit, unit_in(ends[1]) or unit)
     if not getattr(actuator, name):
         return f"{value:.8g} {unit}".rstrip()
     return f"{100 * (value / getattr(actuator, name) - 1):+.8g} %"

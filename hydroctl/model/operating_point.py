@@ -163,7 +163,8 @@ def find_operating_points(actuator: Actuator, x, y, *, load_force=0.0) -> Operat
         fault = np.where(outside & (fault != equilibrium.OPENING), equilibrium.STROKE, fault)
     found = found.reshape(4, *(1,) * (len(shape) - len(along)), *along)
     x, y, load, fault = (np.broadcast_to(value, shape) for value in (x, y, load, fault))
-    points = OperatingPoints(actuator, x, y, load, *np.broadcast_to(found, (4, *shape)), fault)
+    p_a, p_b, v, residual = np.broadcast_to(found, (4, *shape))
+    points = OperatingPoints(actuator, x, y, load, p_a, p_b, v, residual, fault)
     if shape == () and fault:
         raise OperatingPointError(points.reason[()])
     return points

@@ -38,7 +38,8 @@ def prove(schedule: GainSchedule, *, validation: ValidationReport | None = None)
 
 def prove_margins(schedule: GainSchedule) -> Proof:
     """The part of `prove` that needs no simulation."""
-    actuator, remarks = schedule.actuator, ()
+    actuator = schedule.actuator
+    remarks: tuple[str, ...] = ()
     if actuator is not None:
         places = schedule.design_x, schedule.design_y
         remarks = machine_remarks(actuator, *places, schedule.specification)

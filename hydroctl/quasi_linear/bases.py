@@ -90,8 +90,9 @@ class Basis:
         ]
 
     def _of_y(self, part: str, y: np.ndarray) -> np.ndarray:
+        if part in ("1", "y", "y^2"):
+            return y ** {"1": 0, "y": 1, "y^2": 2}[part]
+        assert self.actuator is not None
         if part == "Va0/Va":
             return 1.0 / (1.0 + y * self.actuator.area_a / self.actuator.volume_a)
-        if part == "Vb0/Vb":
-            return 1.0 / (1.0 - y * self.actuator.area_b / self.actuator.volume_b)
-        return y ** {"1": 0, "y": 1, "y^2": 2}[part]
+        return 1.0 / (1.0 - y * self.actuator.area_b / self.actuator.volume_b)

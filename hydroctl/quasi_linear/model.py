@@ -9,6 +9,7 @@ zero for secant models without load, and lets tangent models rest at the true op
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from numbers import Real
@@ -192,7 +193,7 @@ class QuasiLinearModel:
             if used and side not in self.surfaces
         ]
         for name, value, unit in (("y0", y0, "m"), ("v0", v0, "m/s")):
-            if not (isinstance(value, Real) and np.isfinite(value)):
+            if not (isinstance(value, Real) and math.isfinite(value)):
                 faults.append(f"{name} = {value!r} must be a finite number in {unit}.")
         if faults:
             raise InputError(faults)

@@ -27,10 +27,10 @@ class Region:
     @classmethod
     def rectangle(cls, x, y) -> Region:
         """From the least to the largest of x, and of y."""
-        edges = (
+        along_x, along_y = (
             _edges(np.unique([np.min(values), np.max(values)]).astype(float)) for values in (x, y)
         )
-        return cls(*edges, np.ones((1, 1), dtype=bool))
+        return cls(along_x, along_y, np.ones((1, 1), dtype=bool))
 
     @classmethod
     def of_points(cls, x: np.ndarray, y: np.ndarray, usable: np.ndarray) -> Region:

@@ -81,7 +81,8 @@ def _condition(terms: np.ndarray) -> float:
 def _surface(reduced: SecondOrderFamily, basis: Basis, mask: np.ndarray) -> Surface:
     used = mask & reduced.accepted
     x, y = reduced.points.x[used], reduced.points.y[used]
-    coefficients, condition = {}, {}
+    coefficients: dict[str, np.ndarray] = {}
+    condition: dict[str, float] = {}
     for name in COEFFICIENTS:
         target, scale = _target(reduced, used, basis, name, coefficients)
         weighted = basis.terms(name, x, y) / scale[:, None]

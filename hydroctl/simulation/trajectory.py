@@ -125,7 +125,8 @@ def rest_state(actuator: Actuator, y: float | None = None, *, load_force: float 
         )
     if faults:
         raise InputError(faults)
-    return State(*map(float, rest_pressures(parameters(actuator), load)), 0.0, y)
+    p_a, p_b = rest_pressures(parameters(actuator), load)
+    return State(float(p_a), float(p_b), 0.0, y)
 
 
 def rest_pressures(p: Parameters, load):

@@ -118,7 +118,10 @@ class _Search:
         self.only_peaks = set(self.limits) <= {"Ms", "Mt"}
 
     def result(self, climbs: int) -> BoxSearch:
-        starts, tops, worst, worse = self.starts(), [], {}, []
+        starts = self.starts()
+        tops: list[_Place] = []
+        worst: dict[str, WorstPoint] = {}
+        worse: list[dict[str, float]] = []
         for limit, name in enumerate(self.limits):
             highest = sorted((start for start in starts if start.limit == limit), key=_by_excess)[
                 -climbs:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, SupportsIndex
 
 import numpy as np
 
@@ -90,7 +90,7 @@ class Task:
         """The specification, with the plants that were found in its box."""
         return replace(self.specification, added_plants=self.family.added_plants)
 
-    def place(self, k: int, i: int, j: int) -> str:
+    def place(self, k: SupportsIndex, i: SupportsIndex, j: SupportsIndex) -> str:
         """The words for plant k at point (i, j)."""
         return f"x={self.x[i]:g}, y={self.y[j]:g} m, {self.family.labels[k]} plant"
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..machine.actuator import Actuator
+from ..schedule.verdict import Verdict
 from ..simulation import Scenario, Trajectory, simulate_closed_loop
 from .cases import (
     CASE_BITS,
@@ -33,7 +34,6 @@ from .cases import (
 )
 from .chunks import ChunkStore
 from .verdict import Requirement, worst_of
-from ..schedule.verdict import Verdict
 
 if TYPE_CHECKING:
     from ..schedule.schedule import GainSchedule
@@ -215,7 +215,8 @@ def _run_all(task: Task, bounds, executor: Executor | None):
         yield from ((bound, run_chunk(task, *bound)) for bound in bounds)
         return
     own = ThreadPoolExecutor(os.cpu_count()) if executor is None else None
-    futures = {(own or executor).submit(run_chunk, task, *bound): bound for bound in bounds}
+    pool = executor if own is None else own
+    futures = {pool.submit(run_chunk, task, *bound): bound for bound in bounds}
     try:
         for future in as_completed(list(futures)):
             yield futures.pop(future), future.result()

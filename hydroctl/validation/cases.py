@@ -101,7 +101,11 @@ def make_task(
 
 def whole_number_fault(name: str, value, least: int, bits: int) -> str | None:
     """A sentence where `value` is no whole number from `least` to 2^bits - 1."""
-    if isinstance(value, Integral) and not isinstance(value, bool) and least <= value < 1 << bits:
+    if (
+        isinstance(value, Integral)
+        and not isinstance(value, bool)
+        and least <= int(value) < 1 << bits
+    ):
         return None
     return f"{name} = {value!r} must be a whole number from {least} to 2^{bits} - 1."
 

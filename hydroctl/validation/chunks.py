@@ -49,6 +49,7 @@ class ChunkStore:
             write_file(self._path(bound), buffer.getvalue())
 
     def _path(self, bound: tuple[int, int]) -> Path:
+        assert self._directory is not None
         return self._directory / f"cases-{bound[0]:09d}-{bound[1]:09d}.npy"
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -97,7 +97,7 @@ def compare(
     first = next(iter(schedules.values()))
     if scenarios is None:
         scenarios = library(actuator, first.loop, Ts=first.Ts)
-    tried = {
+    tried: dict[str, Any] = {
         "scenarios": scenarios,
         "variants": plants_of(actuator, first, variants),
         "requirements": (),
@@ -159,7 +159,7 @@ def against_rivals(schedule: GainSchedule, fixed: GainSchedule) -> dict[str, Sta
         *step_scenarios(machine, schedule.loop, **common),
         *tracking_scenarios(machine, schedule.loop, **common),
     ]
-    asked = {
+    asked: dict[str, Any] = {
         "scenarios": scenarios,
         "variants": plants_of(machine, schedule, "design"),
         "requirements": (),

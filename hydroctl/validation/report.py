@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 from ..errors import InputError, SimulationError
 from ..machine.actuator import Actuator
+from ..schedule.verdict import Verdict
 from ..simulation import Scenario, Trajectory, simulate_closed_loop
 from .metrics import Metrics, measure
 from .plants import plants_of, require_machine
 from .scale import scale_of
 from .scenarios import step_scenarios
 from .verdict import Requirement, default_requirements, judge
-from ..schedule.verdict import Verdict
 
 if TYPE_CHECKING:
     from ..schedule.schedule import GainSchedule
