@@ -1,5 +1,5 @@
-"""Prints what every target makes of one schedule, each as a hash: run with a package whose source was
-changed. Heads and test vectors of the files are left out."""
+"""Prints what every target makes of one schedule, each as a hash: run with a package whose source
+was changed. Heads and test vectors of the files are left out."""
 
 import hashlib
 import json
@@ -26,7 +26,9 @@ def python_answers(regulator):
     """x over a few samples of the law in Python."""
     memory, answers = law.AT_REST, []
     for k in range(8):
-        memory = law.sample(0.2 + 0.004 * k**2, 0.02, (9e6, 8e6, 0.0, 0.21 + 0.003 * (k % 3)), memory, regulator)
+        memory = law.sample(
+            0.2 + 0.004 * k**2, 0.02, (9e6, 8e6, 0.0, 0.21 + 0.003 * (k % 3)), memory, regulator
+        )
         answers.append(float(memory.x))
     return answers
 
