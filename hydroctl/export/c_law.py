@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import ClassVar
 
 from ..regulator.printing.program import Described, Program
@@ -64,11 +65,12 @@ class CLaw:
         """Settings that are numbers."""
         return [
             _commented(
-                f"static const real {long_name(one.name).upper()} = {self.writer.number(one.value)};",
+                f"static const real {name.upper()} = {self.writer.number(one.value)};",
                 one.unit,
                 one.text,
             )
             for one in self.program.constants
+            for name in [long_name(one.name)]
         ]
 
     @property
@@ -141,13 +143,15 @@ class CLaw:
         raise NotImplementedError(repr(statement))
 
     def _array(self, one: Described) -> list[str]:
-        numbers = lambda row: ", ".join(map(self.writer.number, row))  # noqa: E731
         sizes = "[2][2]" if one.name == "limits" else _size(one)
         head = f"static const real {array_name(one.name)}{sizes} = {{"
         if one.value.ndim == 1:
-            return [_commented(f"{head} {numbers(one.value)} }};", one.unit, one.text)]
-        rows = (f"    {{ {numbers(row)} }}," for row in one.value)
+            return [_commented(f"{head} {self._numbers(one.value)} }};", one.unit, one.text)]
+        rows = (f"    {{ {self._numbers(row)} }}," for row in one.value)
         return ["", _commented(head, one.unit, one.text), *rows, "};"]
+
+    def _numbers(self, row: Iterable[float]) -> str:
+        return ", ".join(map(self.writer.number, row))
 
     def _function(self, function: Function) -> list[str]:
         given = ", ".join(f"real {parameter.name}" for parameter in function.parameters)

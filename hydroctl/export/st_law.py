@@ -28,10 +28,29 @@ from ..regulator.printing.writing import Writer
 from .names import comment, long_name, wrapped
 
 FUNCTION_BLOCKS = frozenset(
-    "ctd ctu ctud derivative f_trig hysteresis integral pid r_trig ramp rs rtc sema sr tof ton tp".split()
+    [
+        "ctd",
+        "ctu",
+        "ctud",
+        "derivative",
+        "f_trig",
+        "hysteresis",
+        "integral",
+        "pid",
+        "r_trig",
+        "ramp",
+        "rs",
+        "rtc",
+        "sema",
+        "sr",
+        "tof",
+        "ton",
+        "tp",
+    ]
 )
 """blocks of the standard library, whose names no variable may have"""
-_FRAME = "setpoint x started faults reset start start_x sound scheduled_x largest k".split()
+_FRAME = ["setpoint", "x", "started", "faults", "reset", "start", "start_x", "sound"]
+_FRAME += ["scheduled_x", "largest", "k"]
 _KINDS = {"int": "INT", "bool": "BOOL"}
 _RENAMED = {"reference": "setpoint"}
 

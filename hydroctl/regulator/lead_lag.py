@@ -52,3 +52,16 @@ def rest(u, w, section):
     """Section after u has stood for long."""
     _, b1, a1 = coefficients(w, section)
     return np.where(section[0] == section[1], 0.0, (b1 - a1) * u)
+
+
+def blocks(w, regulator) -> list:
+    """(step of an input and the states, how many states) of each section as a linear block."""
+
+    def block(section):
+        def one(u, states):
+            led, new_state = step(u, w, states[0], section)
+            return led, [new_state]
+
+        return one
+
+    return [(block(section), 1) for section in regulator.sections]

@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from . import lead_lag, measurement_filter, notch, pid
-from .law import AT_REST
+from . import pid
+from .law import AT_REST, STRUCTURES
 
 _ROUNDING = 1e-14
 _ONE = np.ones(())
@@ -126,42 +126,16 @@ def _acting(entries: np.ndarray) -> np.ndarray:
     return entries[np.ix_(kept, kept)]
 
 
-def filters(Ts: float, wn: np.ndarray, zz: float, zp: float, sections, Tm: float) -> list:
-    """The entries of the blocks after the terms that are in use: sections, notch, filter of the measurement. wn of
-    shape (...)."""
-    regulator = SimpleNamespace(Ts=Ts, Tm=Tm, zz=zz, zp=zp, sections=sections)
-    w = np.tan(0.5 * np.asarray(wn, dtype=float) * Ts)
-    blocks = [entries_of(_section(w, section), 1, w.ndim) for section in sections]
-    if notch.is_used(regulator):
-        blocks.append(entries_of(_notch(w, regulator), 2, w.ndim))
-    if measurement_filter.is_used(regulator):
-        blocks.append(entries_of(_filter(regulator), 1, 0))
-    return blocks
-
-
-def _section(w: np.ndarray, section: tuple[float, float]) -> Callable:
-    def step(u, s):
-        out, new = lead_lag.step(u, w, s[0], section)
-        return out, (new,)
-
-    return step
-
-
-def _notch(w: np.ndarray, regulator) -> Callable:
-    def step(u, s):
-        memory = AT_REST._replace(notch_1=s[0], notch_2=s[1])
-        out, *new = notch.step(u, w, memory, regulator)
-        return out, new
-
-    return step
-
-
-def _filter(regulator) -> Callable:
-    def step(m, s):
-        out = measurement_filter.step(m, AT_REST._replace(filtered=s[0], running=1.0), regulator)
-        return out, (out,)
-
-    return step
+def filters(wn: np.ndarray, regulator) -> list[np.ndarray]:
+    """The entries of the blocks after the terms that are in use: sections, notch, filter of the
+    measurement. wn (...); regulator: anything with their settings, and Ts."""
+    w = np.tan(0.5 * np.asarray(wn, dtype=float) * regulator.Ts)
+    return [
+        entries_of(step, states, w.ndim)
+        for structure in STRUCTURES
+        if hasattr(structure, "blocks")
+        for step, states in structure.blocks(w, regulator)
+    ]
 
 
 def block_of_ratio(ratio: Ratio, gain: np.ndarray) -> Block:

@@ -3,6 +3,8 @@ start."""
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 
 MEMORY = {"filtered": "[{m}] the filtered measurement"}
@@ -29,3 +31,13 @@ def step(measured, memory, regulator):
 def absent(measured, memory, regulator):
     """`step` without a filter, to the last bit."""
     return measured
+
+
+def blocks(w, regulator) -> list:
+    """(step of an input and the states, how many states) as a linear block."""
+
+    def block(measured, states):
+        filtered = step(measured, SimpleNamespace(filtered=states[0], running=1.0), regulator)
+        return filtered, [filtered]
+
+    return [(block, 1)] if is_used(regulator) else []

@@ -3,6 +3,8 @@ transposed direct form II; with zz = zp it passes u on unchanged. w = tan(wn Ts/
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 
 MEMORY = {"notch_1": "[1] first state of the notch", "notch_2": "[1] second state of the notch"}
@@ -52,3 +54,14 @@ def rest(u, w, regulator):
     """Notch after u has stood for long: both states."""
     _, _, b2, a2 = coefficients(w, regulator.zz, regulator.zp)
     return np.where(regulator.zz == regulator.zp, 0.0, (b2 - a2) * u)
+
+
+def blocks(w, regulator) -> list:
+    """(step of an input and the states, how many states) as a linear block."""
+
+    def block(u, states):
+        memory = SimpleNamespace(notch_1=states[0], notch_2=states[1])
+        notched, *new = step(u, w, memory, regulator)
+        return notched, new
+
+    return [(block, 2)] if is_used(regulator) else []

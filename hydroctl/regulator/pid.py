@@ -5,8 +5,9 @@
     d  = (Tf d + g - g[k-1])/(Tf + Ts),  g = c r - m_f       backward Euler
     I += Ts (ki (r - m_f) + excess/Tt)                       forward Euler, in units of x
 
-c = 1 takes the derivative of the error, c = 0 that of m_f. `excess` is what the limit of the command takes away (back-calculation). I stays 0 for a schedule
-whose ki is 0 everywhere, d for one whose kd is.
+c = 1 takes the derivative of the error, c = 0 that of m_f. `excess` is what the limit of the
+command takes away (back-calculation). I stays 0 for a schedule whose ki is 0 everywhere, d for one
+whose kd is.
 """
 
 from __future__ import annotations

@@ -15,6 +15,7 @@ from __future__ import annotations
 import operator
 from dataclasses import dataclass, replace
 from functools import reduce
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -134,8 +135,10 @@ class Regulators:
 
     def _filters(self) -> list[np.ndarray]:
         """Entries of sections, notch and filter of the measurement, as far as used."""
-        settings = (self.zz, self.zp, self.sections, self.Tm)
-        return filters(self.sample_time, self.notch_frequency, *settings)
+        settings = SimpleNamespace(
+            Ts=self.sample_time, zz=self.zz, zp=self.zp, sections=self.sections, Tm=self.Tm
+        )
+        return filters(self.notch_frequency, settings)
 
     def _filter_response(self, z: np.ndarray) -> np.ndarray:
         factors = (ratio_of(entries).at(z) for entries in self._filters())

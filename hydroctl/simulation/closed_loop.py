@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def simulate_closed_loop(
     actuator: Actuator, schedule: GainSchedule, scenario: Scenario, *, substeps: int | None = None
 ) -> Trajectory:
-    """The motion at the scenario's sample instants; its regulator law is that of `simulation.law`.
+    """The motion at the scenario's sample instants; its regulator law is that of `regulator.law`.
 
     The plant is integrated by Runge-Kutta 6 in equal substeps of a sample, `substeps` of them or as
     many as its fastest mode needs, and with error control through those in which its equations

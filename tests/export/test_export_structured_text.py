@@ -10,6 +10,7 @@ from exports import CASES, HOSTILE, REFERENCE, RESET, START, closed_loop, conten
 
 import hydroctl as hc
 from hydroctl.export.contents import contents_of
+from hydroctl.export.st_law import FUNCTION_BLOCKS
 from hydroctl.export.structured_text import source, write_structured_text
 
 structured_text = pytest.importorskip("structured_text", reason="blark is not installed")
@@ -51,6 +52,20 @@ def test_single_precision_differs_in_types_and_numbers_alone(case):
     assert numbers.sub("0", double.replace("LREAL", "REAL")) == numbers.sub("0", single)
     assert "LREAL" not in single
     assert "(* 1/m, proportional gain *)" in single or "(* s/m, proportional gain *)" in single
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_compiler_that_knows_the_standard_alone_takes_the_names_and_sections(case):
+    """No variable is called after a block of the standard library; no vendor's VAR_TEMP; no VAR
+    after a VAR CONSTANT, which would be taken as constant."""
+    text = _without_comments(source(contents(case), "press", "double"))
+    declared = re.findall(r"^ +(\w+) : ", text, flags=re.MULTILINE)
+    assert len(declared) > 20
+    assert not FUNCTION_BLOCKS & {name.lower() for name in declared}
+    assert "VAR_TEMP" not in text
+    for unit in re.split(r"^FUNCTION", text, flags=re.MULTILINE)[1:]:
+        sections = re.findall(r"^VAR\w*(?: CONSTANT)?", unit, flags=re.MULTILINE)
+        assert "VAR CONSTANT" not in sections[:-1]
 
 
 def test_names_from_files_change_nothing_but_comments(tmp_path):

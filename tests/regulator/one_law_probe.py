@@ -1,5 +1,5 @@
-"""Prints what every target makes of one schedule, each as a hash: run with a package whose source was
-changed. Heads and test vectors of the files are left out."""
+"""Prints what every target makes of one schedule, each as a hash: run with a package whose source
+was changed. Heads and test vectors of the files are left out."""
 
 import hashlib
 import json

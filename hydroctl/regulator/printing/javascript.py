@@ -35,8 +35,8 @@ def javascript_of(regulator: law.Regulator) -> str:
     gains; `sample(memory, input, gains)` and `start(input)`, the memory after a sample and from
     which the next sample goes on.
 
-    input: {reference, v_ref, p_a, p_b, v, y, start_x}; gains are looked up where none are given. The
-    memory's x is the command. Inputs must be finite.
+    input: {reference, v_ref, p_a, p_b, v, y, start_x}; gains are looked up where none are given.
+    The memory's x is the command. Inputs must be finite.
     """
     program = program_of(regulator, taken=setting_names())
     assert program.look_up is not None
