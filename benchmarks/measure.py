@@ -81,7 +81,10 @@ def table(rows: list[Row]) -> str:
     """The rows as text."""
     lines = [f"{'job':<4} {'contender':<58} {'time':>12} {'ratio':>9} {'error':>9}"]
     for row in rows:
-        line = f"{row.job:<4} {row.name:<58} {1e3 * row.seconds:>9.4g} ms {row.ratio:>9.4g} {row.error:>9.1e}  {row.note}"
+        line = (
+            f"{row.job:<4} {row.name:<58} {1e3 * row.seconds:>9.4g} ms {row.ratio:>9.4g}"
+            f" {row.error:>9.1e}  {row.note}"
+        )
         lines.append(line.rstrip())
     return "\n".join(lines)
 

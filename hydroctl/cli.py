@@ -250,7 +250,8 @@ def _interruptible(directory: Path | None):
     except KeyboardInterrupt:
         resumable = True
         typer.echo(
-            f"hydroctl: interrupted; the same command with -o {kept} goes on from the finished cases",
+            f"hydroctl: interrupted; the same command with -o {kept} goes on from the finished"
+            " cases",
             err=True,
         )
         raise typer.Exit(130) from None
@@ -289,7 +290,8 @@ def _synchronize(
         )
         failed = int((~cases.completed).sum())
         typer.echo(
-            f"{count} random cases, seed {seed}: {failed} failed, worst rms {1e3 * rms:.4f} mm (case {worst})"
+            f"{count} random cases, seed {seed}: {failed} failed, worst rms {1e3 * rms:.4f} mm"
+            f" (case {worst})"
         )
     reached, allowed = apart(rms, tolerance, digits=4, factor=1e3)
     judged = {
@@ -334,7 +336,10 @@ def identify(
     found = hydroctl.identify(
         data.t, data.x, data.v, data.y, **settings, progress=_tell if sys.stderr.isatty() else None
     )
-    fit = f"fit {found.fit.estimation:.2f} %, held out {found.fit.hold_out:.2f} %, one step {found.fit.one_step:.2f} %"
+    fit = (
+        f"fit {found.fit.estimation:.2f} %, held out {found.fit.hold_out:.2f} %, one step"
+        f" {found.fit.one_step:.2f} %"
+    )
     typer.echo("\n".join([fit, found.model.table(), *found.restrictions]))
 
 

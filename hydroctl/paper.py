@@ -2,20 +2,24 @@
 
 Recipe of the coefficient table below equation (3), for each sign of x:
 
-    points   x = 0 (the limit), +-0.1, ..., +-1 and y = 0, 0.05, ..., 0.5 m, with leakage Kv = 0; secant form, equation (2)
+    points   x = 0 (the limit), +-0.1, ..., +-1 and y = 0, 0.05, ..., 0.5 m, with leakage Kv = 0; secant
+             form, equation (2)
     a1, a2   from the complex pole pair
-    b        the leading coefficient n1 of the numerator, times ONE constant z/p taken at x = +-0.1, y = 0.25 m
+    b        the leading coefficient n1 of the numerator, times ONE constant z/p taken at
+             x = +-0.1, y = 0.25 m
     surface  ordinary least squares in the paper's monomials
 
 Errata, each checked by a test:
 
 * The paper states Kv = 5e-12, but Table 1 and the coefficient table belong to Kv = 0.
-* The half for x < 0 was computed at the operating point of x > 0: the closed form for (p_1n, p_2n, v_n) is even in x, but holds
-  for x > 0 only, and for x < 0 it is no equilibrium. `corrected_coefficient_table` takes the true one.
-* z/p is not one constant: it varies with y, so that the static gain b/a2 of the printed model is wrong by up to about 15 %
-  (x > 0) and 30 % (x < 0) away from y = 0.25 m. Matching it at every point (`reduce_order`) removes that.
-* "Close" pole and zero (8 to 12 % apart in Table 1) belong to the secant form; in the tangent form, which feedback design needs,
-  they agree to better than 3e-4.
+* The half for x < 0 was computed at the operating point of x > 0: the closed form for (p_1n, p_2n,
+  v_n) is even in x, but holds for x > 0 only, and for x < 0 it is no equilibrium.
+  `corrected_coefficient_table` takes the true one.
+* z/p is not one constant: it varies with y, so that the static gain b/a2 of the printed model is
+  wrong by up to about 15 % (x > 0) and 30 % (x < 0) away from y = 0.25 m. Matching it at every
+  point (`reduce_order`) removes that.
+* "Close" pole and zero (8 to 12 % apart in Table 1) belong to the secant form; in the tangent form,
+  which feedback design needs, they agree to better than 3e-4.
 * sqrt|dp| lets the flow keep its direction when a pressure drop reverses; see `plant`.
 * The unit printed for alpha is a slip: it is m^3/s per root of Pa.
 """

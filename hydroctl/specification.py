@@ -89,7 +89,8 @@ class Specification:
         ]
         if is_number(self.phase_margin) and self.phase_margin >= math.pi / 2:
             faults.append(
-                f"phase_margin = {self.phase_margin!r} rad must be below pi/2 (90 degrees, the margin of an integrator)."
+                f"phase_margin = {self.phase_margin!r} rad must be below pi/2 (90 degrees, the"
+                " margin of an integrator)."
             )
         faults += uncertainty_faults(self.uncertainty)
         faults += added_faults(self.added_plants)
@@ -129,7 +130,8 @@ def _law_faults(specification: Specification) -> list[str]:
         value = getattr(specification, name)
         if not (is_number(value) and lowest <= value <= highest):
             faults.append(
-                f"{name} = {value!r} must be a finite number of at least 0{'' if highest == math.inf else ' and at most 1'}."
+                f"{name} = {value!r} must be a finite number of at least"
+                f" 0{'' if highest == math.inf else ' and at most 1'}."
             )
     sections = specification.lead_lag
     if not (
@@ -138,7 +140,8 @@ def _law_faults(specification: Specification) -> list[str]:
         and all(is_pair(s) and min(s) > 0 for s in sections)
     ):
         faults.append(
-            f"lead_lag = {sections!r} must be two pairs (zero, pole) of numbers above 0, multiples of the notch frequency."
+            f"lead_lag = {sections!r} must be two pairs (zero, pole) of numbers above 0, multiples"
+            " of the notch frequency."
         )
     if specification.derivative_on not in ("error", "measurement"):
         faults.append(
@@ -146,6 +149,7 @@ def _law_faults(specification: Specification) -> list[str]:
         )
     if not isinstance(specification.pressure_compensation, bool):
         faults.append(
-            f"pressure_compensation = {specification.pressure_compensation!r} must be True or False."
+            f"pressure_compensation = {specification.pressure_compensation!r} must be True or"
+            " False."
         )
     return faults

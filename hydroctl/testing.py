@@ -78,8 +78,9 @@ def assert_poles_in(
     if not outside[worst] <= 0.0:
         count = np.count_nonzero(outside.max(axis=-1) > 0.0)
         raise AssertionError(
-            f"{count} of {outside[..., 0].size} points have poles outside {region}; worst at {describe(worst[:-1])}: "
-            f"pole {_outside(region, poles[worst])}, off by {outside[worst]:.3g}"
+            f"{count} of {outside[..., 0].size} points have poles outside {region}; worst at"
+            f" {describe(worst[:-1])}: pole {_outside(region, poles[worst])}, off by"
+            f" {outside[worst]:.3g}"
         )
 
 
@@ -96,14 +97,16 @@ def _poles(subject):
         x, y = subject.design_x, subject.design_y
         labels, plants = subject.plants.labels, subject.sampled_plants(x, y)
         regulators = subject.gains(x[:, None], y).broadcast_to(plants.shape)
-        return Loop(
-            plants, regulators
-        ).poles(), lambda i: f"x={x[i[1]]:g}, y={y[i[2]]:g} m, {labels[i[0]]}"
+        return (
+            Loop(plants, regulators).poles(),
+            lambda i: f"x={x[i[1]]:g}, y={y[i[2]]:g} m, {labels[i[0]]}",
+        )
     points = subject.points
     index = np.argwhere(points.feasible)
-    return subject.poles()[
-        points.feasible
-    ], lambda i: f"x={points.x[*index[i]]:g}, y={points.y[*index[i]]:g} m"
+    return (
+        subject.poles()[points.feasible],
+        lambda i: f"x={points.x[*index[i]]:g}, y={points.y[*index[i]]:g} m",
+    )
 
 
 def assert_margins(schedule: GainSchedule, **limits: float) -> None:

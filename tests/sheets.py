@@ -86,7 +86,8 @@ MALFORMED = [
     (
         {"dead_band": '"5 mm"'},
         [
-            "dead_band = '5 mm' has an unknown unit or one of the wrong dimension; write a plain number"
+            "dead_band = '5 mm' has an unknown unit or one of the wrong dimension; write a plain"
+            " number"
         ],
     ),
     ({"dead_band": "1.5"}, ["dead_band = 1.5 must be below 1"]),

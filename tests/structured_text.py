@@ -144,7 +144,10 @@ def _statements(body, depth, reals):
             case "ForStatement":
                 assert node.step is None
                 control = _expression(node.control)
-                yield f"{indent}for {control} in range({_expression(node.from_)}, {_expression(node.to)} + 1):"
+                yield (
+                    f"{indent}for {control} in range({_expression(node.from_)},"
+                    f" {_expression(node.to)} + 1):"
+                )
                 yield from _statements(node.statements, depth + 1, reals)
             case "ReturnStatement":
                 yield f"{indent}return"
@@ -174,6 +177,7 @@ def _expression(node) -> str:
         case "ParenthesizedExpression":
             return f"({_expression(node.expr)})"
         case "FunctionCall":
-            return f"f_{node.name.name.lower()}({', '.join(_expression(given.value) for given in node.parameters)})"
+            given = ", ".join(_expression(one.value) for one in node.parameters)
+            return f"f_{node.name.name.lower()}({given})"
         case other:
             raise NotImplementedError(other)

@@ -1,4 +1,5 @@
-"""The layers of the package (the contract stands in pyproject.toml), and what importing it may load."""
+"""The layers of the package (the contract stands in pyproject.toml), and what importing it may
+load."""
 
 import ast
 import os

@@ -88,7 +88,8 @@ def test_bad_arguments_are_one_message_and_code_2(
 
 
 WAY_OUT = re.compile(
-    r"[;,] (write|give|add|keep|leave|raise|save|name|so raise|did you mean|known:) ?|must be (above|at least|below) \d"
+    r"[;,] (write|give|add|keep|leave|raise|save|name|so raise|did you mean|known:) ?|must be"
+    r" (above|at least|below) \d"
 )
 
 
@@ -216,7 +217,10 @@ def test_a_record_is_identified_with_its_own_column_names_and_units(command, ref
 
 
 def test_help_loads_nothing_heavy():
-    code = "import sys, hydroctl.cli; print([m for m in ('numpy', 'scipy', 'control', 'matplotlib', 'numba') if m in sys.modules])"
+    code = (
+        "import sys, hydroctl.cli; print([m for m in ('numpy', 'scipy', 'control', 'matplotlib',"
+        " 'numba') if m in sys.modules])"
+    )
     loaded = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )

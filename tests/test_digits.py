@@ -161,7 +161,8 @@ def test_a_design_that_fails_by_a_hair_says_so_in_every_output(reference, schedu
             assert (word, sign) == ("FAIL", ">")
             assert float(achieved) > float(limit)
         rows = re.findall(
-            r'fail</span></td>\s*<th scope="row">.*?</th>\s*<td class="number"><data value="\S+">(\S+)</data></td>'
+            r'fail</span></td>\s*<th scope="row">.*?</th>\s*<td class="number"><data'
+            r' value="\S+">(\S+)</data></td>'
             r'\s*<td class="number">≤ <data value="\S+">(\S+)</data>',
             page(schedule, replace(validation, verdicts=tuple(missed))),
         )

@@ -60,8 +60,14 @@ class Contents:
         """Lines that say what this is and where it comes from, harmless in every target."""
         s = self.schedule
         given = [
-            f"Gain-scheduled regulator of the {s.loop} of a hydraulic cylinder; structure {s.structure}.",
-            f"Written by hydroctl {__version__}. Change the schedule and export it again; do not change this file.",
+            (
+                f"Gain-scheduled regulator of the {s.loop} of a hydraulic cylinder; structure"
+                f" {s.structure}."
+            ),
+            (
+                f"Written by hydroctl {__version__}. Change the schedule and export it again; do"
+                " not change this file."
+            ),
             *(f"{name.capitalize()}: {text}" for name, text in self.origin.items()),
             f"SHA-256 of the schedule: {self.document.fingerprint}",
             *self._fingerprint_of_the_machine,
@@ -95,7 +101,10 @@ class Contents:
 
     def _worst(self, name: str) -> str:
         worst = self.proof.worst(name)
-        return f"{name} at worst {worst.value:.4g} ({worst.variant}, x = {worst.x:g}, y = {worst.y:g} m)"
+        return (
+            f"{name} at worst {worst.value:.4g} ({worst.variant}, x = {worst.x:g}, y ="
+            f" {worst.y:g} m)"
+        )
 
 
 def contents_of(schedule: GainSchedule, *, force: bool = False) -> Contents:

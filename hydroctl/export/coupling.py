@@ -41,7 +41,10 @@ def export_coupling(
     name = identifier(path.stem)
     evidence = coupling.evidence
     if evidence is not None and not evidence.kept:
-        advice = f"the coupling {coupling.name!r} does not keep its limit; design it with smaller gains or a larger Ms:"
+        advice = (
+            f"the coupling {coupling.name!r} does not keep its limit; design it with smaller gains"
+            " or a larger Ms:"
+        )
         raise FailedChecksError(advice, [str(evidence)])
     checks = (
         ["gains as given, without a design"]

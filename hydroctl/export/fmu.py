@@ -116,7 +116,8 @@ def regulator_fmu(contents: Contents, name: str) -> bytes:
     delay = contents.schedule.delay_samples
     if delay != int(delay):
         raise InputError(
-            f"delay_samples = {delay:g}: an FMU delays by whole samples; round it up and design anew."
+            f"delay_samples = {delay:g}: an FMU delays by whole samples; round it up and design"
+            " anew."
         )
     header, source = sources(contents, name, "double")
     reads = law.inputs_read(contents.regulator)
@@ -229,7 +230,8 @@ def _compiled(files: dict[str, bytes], library: str) -> bytes:
     )
     if compiler is None:
         raise InputError(
-            "an FMU holds a compiled library, and there is no C compiler; install gcc or clang, or name one in CC."
+            "an FMU holds a compiled library, and there is no C compiler; install gcc or clang, or"
+            " name one in CC."
         )
     with tempfile.TemporaryDirectory() as directory:
         for file, data in files.items():

@@ -14,9 +14,9 @@ from .contents import Contents
 _HEADER = b"MATLAB 5.0 MAT-file, written by hydroctl"
 _HEADER_SIZE = 116
 _LOOKUP = (
-    "s is this struct; limits = s.x_limits(1 + (x >= 0), :); x_c = min(max(x, limits(1)), limits(2)); "
-    "y_c = min(max(y, s.y_limits(1)), s.y_limits(2)); kp = interp2(s.y, s.x, s.kp, y_c, x_c). "
-    "An axis of one node is written as two with the same gains."
+    "s is this struct; limits = s.x_limits(1 + (x >= 0), :); x_c = min(max(x, limits(1)),"
+    " limits(2)); y_c = min(max(y, s.y_limits(1)), s.y_limits(2)); kp = interp2(s.y, s.x, s.kp,"
+    " y_c, x_c). An axis of one node is written as two with the same gains."
 )
 
 

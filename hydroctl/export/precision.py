@@ -135,9 +135,18 @@ def statement(contents: Contents) -> list[str]:
     """What the exported file says of it, in lines."""
     one, many = (_rounded_up(stated_bound(contents, samples)) for samples in (1, SAMPLES))
     return [
-        f"Single precision differs from double by at most {one} of full scale through the roundings",
-        f"of one sample, and {many} through those of {SAMPLES} without a start, all at their worst;",
-        "commonly by a hundredth of that. The inputs' own rounding, 6e-8 of their size, counts once:",
+        (
+            f"Single precision differs from double by at most {one} of full scale through the"
+            " roundings"
+        ),
+        (
+            f"of one sample, and {many} through those of {SAMPLES} without a start, all at their"
+            " worst;"
+        ),
+        (
+            "commonly by a hundredth of that. The inputs' own rounding, 6e-8 of their size, counts"
+            " once:"
+        ),
         "it acts like an error of the sensors.",
     ]
 

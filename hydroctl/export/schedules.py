@@ -47,7 +47,8 @@ def export_schedule(
         raise InputError(unknown_name("real", real, REALS))
     if real != "double" and format not in _CODE_WRITERS:
         raise InputError(
-            f"real = {real!r} is for generated code ({', '.join(_CODE_WRITERS)}); {format} holds double numbers."
+            f"real = {real!r} is for generated code ({', '.join(_CODE_WRITERS)}); {format} holds"
+            " double numbers."
         )
     contents, path = contents_of(schedule, force=force), Path(path)
     if format in _CODE_WRITERS:

@@ -15,10 +15,12 @@ _HARMLESS = frozenset(
 )
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")
 _RESERVED = re.compile(
-    "abs|action|and|any|array|at|begin|bool|by|byte|case|configuration|const|constant|continue|date|dint|do|dt|dword|else|elsif|end|exit|"
-    "false|for|from|function|global|if|in|initial|int|interface|internal|limit|lint|lreal|lword|max|method|min|mod|mux|namespace|not|"
-    "null|of|on|or|output|override|overlap|pointer|program|protected|public|private|real|ref|reference|repeat|resource|retain|return|"
-    "sel|signed|single|sint|sqrt|step|string|struct|super|tan|task|then|this|time|tod|to|transition|true|type|udint|uint|ulint|until|"
+    "abs|action|and|any|array|at|begin|bool|by|byte|case|configuration|const|constant|"
+    "continue|date|dint|do|dt|dword|else|elsif|end|exit|false|for|from|function|global|if|in|"
+    "initial|int|interface|internal|limit|lint|lreal|lword|max|method|min|mod|mux|namespace|"
+    "not|null|of|on|or|output|override|overlap|pointer|program|protected|public|private|real|"
+    "ref|reference|repeat|resource|retain|return|sel|signed|single|sint|sqrt|step|string|"
+    "struct|super|tan|task|then|this|time|tod|to|transition|true|type|udint|uint|ulint|until|"
     "using|usint|var|while|with|word|wstring|xor",
     re.IGNORECASE,
 )
@@ -37,8 +39,9 @@ def identifier(name: str) -> str:
     not."""
     if not _IDENTIFIER.fullmatch(name) or _RESERVED.fullmatch(name) or len(name) > 40:
         raise InputError(
-            f"{name!r} cannot name a function block or a C function: begin with a letter, go on with letters, digits and single "
-            "underscores, at most 40 of them, and take no word of structured text."
+            f"{name!r} cannot name a function block or a C function: begin with a letter, go on"
+            " with letters, digits and single underscores, at most 40 of them, and take no word of"
+            " structured text."
         )
     return name
 

@@ -9,7 +9,9 @@ Recursive Estimation and Time-Series Analysis, Springer 2011; for coefficients t
 measured signals V. Laurain et al., Automatica 46 (2010) 959) in its symmetric form: with v^ the
 speed that the present model answers to x,
 
-    z_i = -A^-1 (phi_i v^'),  -A^-1 (phi_i v^),  A^-1 (phi_i x),  A^-1 phi_i       for the terms phi_i of a1, a2, b, c
+    z_i = -A^-1 (phi_i v^'),  -A^-1 (phi_i v^),  A^-1 (phi_i x),  A^-1 phi_i
+
+    for the terms phi_i of a1, a2, b, c
     theta <- theta + (Z'Z)^-1 Z' (v - v^)
 
 A^-1 filters by the model itself, with its varying coefficients. Regressors and instruments are free
@@ -165,8 +167,8 @@ def _solve(
     if singular[-1] * _SINGULAR < singular[0] or not np.isfinite(singular).all():
         weakest = names[int(np.argmax(np.abs(weights[-1])))] if names else "the start"
         raise InputError(
-            f"the record does not determine the basis: it says nothing about the term {weakest!r} apart from the others. "
-            "Excite more of x and y, or take basis='constant'."
+            f"the record does not determine the basis: it says nothing about the term {weakest!r}"
+            " apart from the others. Excite more of x and y, or take basis='constant'."
         )
     inverse = np.linalg.inv(normal)
     return inverse @ (z.T @ right / length) / length, inverse / np.outer(length, length)
@@ -204,8 +206,9 @@ def start(problem: Regression) -> tuple[np.ndarray, np.ndarray]:
             candidates.append((problem.cost(answer), theta, initial))
     if not candidates:
         raise InputError(
-            "no second-order model with a positive a2 starts the identification. Check the order of the columns, take at least ten "
-            "samples for each period of the natural frequency, or excite x more."
+            "no second-order model with a positive a2 starts the identification. Check the order of"
+            " the columns, take at least ten samples for each period of the natural frequency, or"
+            " excite x more."
         )
     return min(candidates, key=lambda candidate: candidate[0])[1:]
 

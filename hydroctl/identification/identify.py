@@ -125,7 +125,8 @@ def identify(
     faults = [] if method in _METHODS else [unknown_name("method", method, _METHODS)]
     if not 0.0 <= hold_out <= 0.9:
         faults.append(
-            f"hold_out = {hold_out} must be between 0 and 0.9; it is the part of the record kept for checking."
+            f"hold_out = {hold_out} must be between 0 and 0.9; it is the part of the record kept"
+            " for checking."
         )
     if not 0.0 <= settling < np.inf:
         faults.append(f"settling = {settling} must be a time in s, at full opening, of at least 0.")
@@ -138,7 +139,8 @@ def identify(
     if part.sides != whole.sides:
         missing = next(side for side in whole.sides if side not in part.sides)
         raise InputError(
-            f"side {missing!r} appears only in the held-out part; lower hold_out or record more of it."
+            f"side {missing!r} appears only in the held-out part; lower hold_out or record more"
+            " of it."
         )
     if method == "least-squares":
         theta, covariance, iterations = *least_squares(part), 1
@@ -237,14 +239,26 @@ def _restrictions(
 ) -> Iterator[str]:
     for side in SIDES:
         if side not in problem.sides:
-            yield f"the record has no x {'<' if side == '-' else '>'} 0: the model says nothing about that side."
+            yield (
+                f"the record has no x {'<' if side == '-' else '>'} 0: the model says nothing about"
+                " that side."
+            )
     for side, mask in masks.items():
         unknown = np.sum(~mask.covered)
         if unknown == mask.covered.size:
-            yield f"side {side!r}: no cell of (x, y) is known to {_CLAIM:.0%}; record longer, excite more, or take a smaller basis."
+            yield (
+                f"side {side!r}: no cell of (x, y) is known to {_CLAIM:.0%}; record longer, excite"
+                " more, or take a smaller basis."
+            )
         elif unknown:
-            yield f"side {side!r}: {unknown} of {mask.covered.size} cells of (x, y) are not excited enough to be known."
+            yield (
+                f"side {side!r}: {unknown} of {mask.covered.size} cells of (x, y) are not excited"
+                " enough to be known."
+            )
     if iterations == MOST_ITERATIONS:
-        yield f"the iteration has not settled after {iterations} steps: the coefficients may still change. Take a smaller basis."
+        yield (
+            f"the iteration has not settled after {iterations} steps: the coefficients may still"
+            " change. Take a smaller basis."
+        )
     if problem.record.y is None:
         yield "y was not given: the model is that of the positions at which the record was taken."

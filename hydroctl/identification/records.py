@@ -69,14 +69,23 @@ class Record:
         for name, values in self._channels().items():
             if (bad := np.flatnonzero(~np.isfinite(values))).size:
                 clean = False
-                yield f"{name} holds {bad.size} values that are not numbers, the first in row {bad[0]}; cut the record there."
+                yield (
+                    f"{name} holds {bad.size} values that are not numbers, the first in row"
+                    f" {bad[0]}; cut the record there."
+                )
         if not clean:
             return
         yield from self._time_faults()
         if np.ptp(self.x) == 0.0:
-            yield f"x is {self.x[0]:g} in every row: a constant input excites nothing. Record steps or a PRBS."
+            yield (
+                f"x is {self.x[0]:g} in every row: a constant input excites nothing. Record steps"
+                " or a PRBS."
+            )
         if (largest := np.max(np.abs(self.x))) > 1.0:
-            yield f"x reaches {apart(largest, 1.0)[0]} in size, beyond [-1, 1]; check its unit and the order of the columns."
+            yield (
+                f"x reaches {apart(largest, 1.0)[0]} in size, beyond [-1, 1]; check its unit and"
+                " the order of the columns."
+            )
         if np.ptp(self.v) == 0.0:
             yield f"v is {self.v[0]:g} in every row; check the sensor and the order of the columns."
         yield from self._travel_faults()
@@ -84,7 +93,10 @@ class Record:
     def _time_faults(self) -> Iterator[str]:
         steps = np.diff(self.t)
         if (backward := np.flatnonzero(steps <= 0.0)).size:
-            yield f"t does not rise in row {backward[0] + 1} (t = {self.t[backward[0] + 1]:g} s); sort the rows, drop doubled ones."
+            yield (
+                f"t does not rise in row {backward[0] + 1} (t = {self.t[backward[0] + 1]:g} s);"
+                " sort the rows, drop doubled ones."
+            )
             return
         usual = np.median(steps)
         uneven = np.flatnonzero(np.abs(steps - usual) > _EVEN * usual)
@@ -94,12 +106,16 @@ class Record:
         if uneven.size <= 0.01 * len(steps) and missing > 1.5:
             found, expected = apart(steps[row], usual)
             yield (
-                f"t has {uneven.size} gaps, the first after row {row} (t = {self.t[row]:g} s): {found} s in place of "
-                f"{expected} s; cut the record at the gaps and identify the longest part."
+                f"t has {uneven.size} gaps, the first after row {row} (t = {self.t[row]:g} s):"
+                f" {found} s in place of {expected} s; cut the record at the gaps and identify the"
+                " longest part."
             )
         else:
             shortest, longest = apart(steps.min(), steps.max())
-            yield f"t is not evenly spaced (steps of {shortest} to {longest} s); resample the record to one sample time."
+            yield (
+                f"t is not evenly spaced (steps of {shortest} to {longest} s); resample the record"
+                " to one sample time."
+            )
 
     def _travel_faults(self) -> Iterator[str]:
         if self.y is None or (np.diff(self.t) <= 0.0).any():
@@ -115,8 +131,9 @@ class Record:
         difference = np.sqrt(np.mean(error**2))
         if size > 0.0 and difference > _TRAVEL * size:
             yield (
-                f"y is not the integral of v: y spans {np.ptp(self.y):g} m, its integral {np.ptp(travel):g} m, {difference:g} m "
-                "rms apart. Check the order of the columns, their units and the sign of v."
+                f"y is not the integral of v: y spans {np.ptp(self.y):g} m, its integral"
+                f" {np.ptp(travel):g} m, {difference:g} m rms apart. Check the order of the"
+                " columns, their units and the sign of v."
             )
 
 
@@ -153,7 +170,8 @@ def read_record(
     }
     names, rows = _table(Path(path))
     faults = [
-        f"{path}: column {columns[name]!r} for {name} is not in the file ({', '.join(names)}); name it in columns."
+        f"{path}: column {columns[name]!r} for {name} is not in the file ({', '.join(names)}); name"
+        " it in columns."
         for name in ("t", "x", "v")
         if columns[name] not in names
     ]
@@ -195,7 +213,8 @@ def _table(path: Path) -> tuple[list[str], list[list[str]]]:
     for number, row in enumerate(rows[1:], start=1):
         if len(row) != len(names):
             raise InputError(
-                f"{path}: row {number} has {len(row)} fields under {len(names)} names; decimals have a point."
+                f"{path}: row {number} has {len(row)} fields under {len(names)} names; decimals"
+                " have a point."
             )
     return names, rows[1:]
 

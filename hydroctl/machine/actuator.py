@@ -248,8 +248,8 @@ def _contradictions(p: SimpleNamespace) -> Iterator[str]:
     if p.volume_b <= swept:
         held, needed = apart(p.volume_b, swept)
         yield (
-            f"volume_b = {held} m^3 is used up before the end of the stroke (area_b * stroke = {needed} m^3); "
-            "volume_b counts from y = 0, so raise it or shorten stroke."
+            f"volume_b = {held} m^3 is used up before the end of the stroke (area_b * stroke ="
+            f" {needed} m^3); volume_b counts from y = 0, so raise it or shorten stroke."
         )
     if p.tank_pressure >= p.supply_pressure:
         tank, supply = apart(p.tank_pressure, p.supply_pressure)
@@ -259,11 +259,14 @@ def _contradictions(p: SimpleNamespace) -> Iterator[str]:
         )
     if p.breakaway_friction is not None and p.breakaway_friction < p.coulomb_friction:
         breakaway, coulomb = apart(p.breakaway_friction, p.coulomb_friction)
-        yield f"breakaway_friction = {breakaway} N is below coulomb_friction = {coulomb} N; raise it or leave it out."
+        yield (
+            f"breakaway_friction = {breakaway} N is below coulomb_friction = {coulomb} N; raise it"
+            " or leave it out."
+        )
     if (p.breakaway_friction or 0.0) > p.coulomb_friction and p.stribeck_speed is None:
         yield (
-            f"stribeck_speed is missing: breakaway_friction = {p.breakaway_friction:g} N is above coulomb_friction; "
-            "add the speed in m/s over which it falls."
+            f"stribeck_speed is missing: breakaway_friction = {p.breakaway_friction:g} N is above"
+            " coulomb_friction; add the speed in m/s over which it falls."
         )
     if p.valve_natural_frequency is None:
         for name, value in (
@@ -274,7 +277,10 @@ def _contradictions(p: SimpleNamespace) -> Iterator[str]:
                 given = name if math.isnan(value) else f"{name} = {value:g}"
                 yield f"{given} needs valve_natural_frequency; add it or leave {name} out."
     elif p.valve_damping is None:
-        yield "valve_damping is missing: valve_natural_frequency is given; add the damping ratio of the valve."
+        yield (
+            "valve_damping is missing: valve_natural_frequency is given; add the damping ratio of"
+            " the valve."
+        )
 
 
 def field_fault(name: str, value: object) -> str | None:

@@ -6,8 +6,8 @@ states them:
 
     bore_diameter, rod_diameter            instead of  area_a, area_b
         rod_diameter_a                     too, where a second rod leaves through the cap side
-    dead_volume_a, dead_volume_b           instead of  volume_a, volume_b     (each side at its own end of the stroke)
-        hose_volume_a, hose_volume_b       too, for the lines, or hose_volume in all, half on each side
+    dead_volume_a, dead_volume_b           instead of  volume_a, volume_b     (each at its end of the stroke)
+        hose_volume_a, hose_volume_b       too, for the lines, or hose_volume in all, half each
     rated_flow, and its pressure drop      instead of  flow_coefficient       (at x = 1)
         rated_pressure_drop_per_edge       the drop over one edge, or
         rated_pressure_drop_per_valve      the drop over both edges in series, half on each
@@ -129,7 +129,8 @@ def _actuator(default_name: str, data: bytes, where: str) -> Actuator:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(
-            f"{where}: byte {error.start} is not UTF-8 text; save the data sheet as a UTF-8 TOML file."
+            f"{where}: byte {error.start} is not UTF-8 text; save the data sheet as a UTF-8 TOML"
+            " file."
         ) from None
     try:
         return Actuator(**{"name": default_name} | _fields(_parsed(text)))
@@ -147,7 +148,8 @@ def _parsed(text: str) -> dict:
         place = re.search(r"at line (\d+)", str(error))
         line = "" if place is None else " in " + shown(text.split("\n")[int(place[1]) - 1].strip())
         raise InputError(
-            f"not valid TOML{line} ({error}); write one `key = value` a line, each key once, a quantity with a unit in quotes."
+            f"not valid TOML{line} ({error}); write one `key = value` a line, each key once, a"
+            " quantity with a unit in quotes."
         ) from None
 
 
@@ -157,7 +159,8 @@ def _fields(table: dict) -> dict:
     unknown = [key for key in table if key not in _UNITS and key not in _TEXTS]
     if len(unknown) > _MOST_UNKNOWN_KEYS:
         raise InputError(
-            f"{len(unknown)} keys are unknown, {unknown[0][:60]!r} the first; this is no data sheet, name the right file."
+            f"{len(unknown)} keys are unknown, {unknown[0][:60]!r} the first; this is no data"
+            " sheet, name the right file."
         )
     faults = [unknown_name("key", key, [*_UNITS, *_TEXTS]) for key in unknown]
     values = {}
@@ -172,7 +175,8 @@ def _fields(table: dict) -> dict:
         if values.get(rod, 0.0) >= bore:
             given, limit = apart(values[rod], bore)
             faults.append(
-                f"{rod} = {given} m is not below bore_diameter = {limit} m; give them the right way round."
+                f"{rod} = {given} m is not below bore_diameter = {limit} m; give them the right way"
+                " round."
             )
             values[rod] = math.nan
     faults += _choice_faults(table)
@@ -218,11 +222,17 @@ def _choice_faults(table: dict):
         direct = [key for key in (*way.direct, *way.direct_extra) if key in table]
         makers = [key for key in way.makers if key in table]
         if direct and makers:
-            yield f"{', '.join(direct)} and {', '.join(makers)} are both given; keep one way to state it."
+            yield (
+                f"{', '.join(direct)} and {', '.join(makers)} are both given; keep one way to"
+                " state it."
+            )
             continue
         if missing := [key for key in (way.both if makers else way.direct) if key not in table]:
             other = "" if makers else f", or {' and '.join(way.both)}"
-            yield f"{', '.join(missing)} is missing; add {'it' if len(missing) == 1 else 'them'}{other}."
+            yield (
+                f"{', '.join(missing)} is missing; add"
+                f" {'it' if len(missing) == 1 else 'them'}{other}."
+            )
         drops = [key for key in way.one_of if key in table]
         if way.one_of and makers and len(drops) != 1:
             stated = (
@@ -232,7 +242,10 @@ def _choice_faults(table: dict):
             )
             yield f"{stated}; give one of {' and '.join(way.one_of)}."
     if "hose_volume" in table and ("hose_volume_a" in table or "hose_volume_b" in table):
-        yield "hose_volume is given in all and per side; keep hose_volume, or hose_volume_a and hose_volume_b."
+        yield (
+            "hose_volume is given in all and per side; keep hose_volume, or hose_volume_a and"
+            " hose_volume_b."
+        )
     for name, spec in PARAMETERS.items():
         if name not in table and name not in chosen and spec.default is MISSING:
             yield f"{name} is missing; add {spec.metadata['text']} in {spec.metadata['unit']}."

@@ -20,7 +20,8 @@ from ..errors import InputError, shown
 
 _FACTOR = r"[A-Za-zµμ°%]+((\^|\*\*)-?\d(\.\d)?|[²³])?"
 _QUANTITY = re.compile(
-    rf"(?P<number>[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?)\s*(?P<unit>(1\s*/\s*)?{_FACTOR}(\s*[*·/ ]\s*{_FACTOR})*)?"
+    rf"(?P<number>[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?)\s*(?P<unit>(1\s*/\s*)?{_FACTOR}(\s*[*·/"
+    rf" ]\s*{_FACTOR})*)?"
 )
 _LONGEST = 80
 

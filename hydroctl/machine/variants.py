@@ -42,7 +42,8 @@ def uncertainty_faults(uncertainty) -> list[str]:
         return [] if uncertainty in _NAMED else [unknown_name("uncertainty", uncertainty, _NAMED)]
     if not isinstance(uncertainty, Mapping):
         return [
-            f'uncertainty = {uncertainty!r} must be one of {", ".join(_NAMED)}, or factors such as {{"mass": (0.5, 1.5)}}.'
+            f"uncertainty = {uncertainty!r} must be one of {', '.join(_NAMED)}, or factors such as"
+            ' {"mass": (0.5, 1.5)}.'
         ]
     if not uncertainty:
         return ['uncertainty names no parameter; write "nominal" for the nominal plant alone.']
@@ -63,13 +64,16 @@ def added_faults(plants: object) -> list[str]:
         isinstance(plant, Mapping) and plant for plant in plants
     ):
         return [
-            f"added_plants = {plants!r} must be a tuple of {{parameter: value in SI}}, none of them empty."
+            f"added_plants = {plants!r} must be a tuple of {{parameter: value in SI}}, none of them"
+            " empty."
         ]
     named = {(name, value) for plant in plants for name, value in plant.items()}
     faults = (
-        field_fault(name, value)
-        if name in PARAMETERS
-        else unknown_name("parameter", name, PARAMETERS)
+        (
+            field_fault(name, value)
+            if name in PARAMETERS
+            else unknown_name("parameter", name, PARAMETERS)
+        )
         for name, value in named
     )
     return sorted(f"added_plants: {fault}" for fault in faults if fault)
@@ -83,8 +87,8 @@ def _factor_faults(name: str, factors: object) -> list[str]:
     if is_pair(factors) and 0 < factors[0] <= factors[1]:
         return []
     return [
-        f"uncertainty of {name} = {factors!r} must be two factors (low, high) with 0 < low <= high, "
-        "or two values as texts with units."
+        f"uncertainty of {name} = {factors!r} must be two factors (low, high) with 0 < low <= high,"
+        " or two values as texts with units."
     ]
 
 
@@ -94,7 +98,8 @@ def _value_faults(name: str, texts: tuple[str, str]) -> list[str]:
         return []
     if not unit:
         return [
-            f"uncertainty of {name} = {texts!r}: it has no unit; give two factors (low, high), numbers."
+            f"uncertainty of {name} = {texts!r}: it has no unit; give two factors (low, high),"
+            " numbers."
         ]
     faults: list[str] = []
     values: list[float] = []
@@ -106,7 +111,8 @@ def _value_faults(name: str, texts: tuple[str, str]) -> list[str]:
             continue
         if unit_in(text) is None:
             faults.append(
-                f"uncertainty of {name} = {text!r} has no unit; write {unit} or the like, or factors as numbers."
+                f"uncertainty of {name} = {text!r} has no unit; write {unit} or the like, or"
+                " factors as numbers."
             )
         elif fault := field_fault(name, values[-1]):
             faults.append(f"uncertainty of {name}: {fault}")

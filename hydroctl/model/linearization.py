@@ -3,8 +3,8 @@ arrays of them.
 
 With b(z) the column by which x enters and At = A + x db/dz at the operating point z_r,
 
-    tangent:  bt = b(z_r)                 the Jacobian; small-signal model, static gain dv/dx. For feedback design.
-    secant:   bt = b(z_r) - (db/dz) z_r   the paper's; x is the whole input, static gain v/x. For simulation.
+    tangent:  bt = b(z_r)                 the Jacobian, static gain dv/dx: for feedback design
+    secant:   bt = b(z_r) - (db/dz) z_r   the paper's, static gain v/x: for simulation
 
 Both have the same poles. A load or dry friction adds a constant to the secant model's equation of
 motion, so that v/x is its static gain only without them. Behind a dead band x is the effective
@@ -110,7 +110,8 @@ class LinearFamily:
         OperatingPointError."""
         if np.shape(self.points.x[index]) != ():
             raise InputError(
-                f"index {index!r} selects several points of shape {self.shape}; give one index per axis."
+                f"index {index!r} selects several points of shape {self.shape}; give one index per"
+                " axis."
             )
         if not self.points.feasible[index]:
             raise OperatingPointError(self.points.reason[index])

@@ -110,18 +110,33 @@ _REASONS = (
     "x must be between -1 and 1.",
     "y must be within the stroke, 0 to {stroke} m.",
     "|x| is within the dead band of {dead_band}, so the valve is closed. Take a larger |x|.",
-    "the valve is closed, so leakage settles the pressures and the flow has no derivative there (at zero leakage every pair of "
-    "pressures that holds the load is at rest). Take |x| >= 1e-4 with the sign of the side you need.",
-    "the load of {load} N is at or beyond the stall force of {stall} N in this direction. Lower the load or raise supply_pressure.",
-    "the piston is stuck: the {left} N that pressure and a load of {load} N leave at rest do not exceed breakaway_friction "
-    "= {breakaway} N. Lower the load or raise supply_pressure.",
+    (
+        "the valve is closed, so leakage settles the pressures and the flow has no derivative there"
+        " (at zero leakage every pair of pressures that holds the load is at rest). Take |x| >="
+        " 1e-4 with the sign of the side you need."
+    ),
+    (
+        "the load of {load} N is at or beyond the stall force of {stall} N in this direction. Lower"
+        " the load or raise supply_pressure."
+    ),
+    (
+        "the piston is stuck: the {left} N that pressure and a load of {load} N leave at rest do"
+        " not exceed breakaway_friction = {breakaway} N. Lower the load or raise supply_pressure."
+    ),
     "Newton's method did not converge. Check that the parameters are physical.",
-    "a chamber would fall below tank pressure (p_a = {p_a} Pa, p_b = {p_b} Pa, tank {tank} Pa): the "
-    "load drives the piston and the fluid cavitates. Lower the load or the opening.",
-    "fluid would flow back through an open edge (p_a = {p_a} Pa, p_b = {p_b} Pa, supply {supply} Pa, tank {tank} Pa): leakage "
-    "under the load outweighs the valve. Lower the load or take a larger |x|.",
-    "the speed of {speed} m/s is below twice creep_speed, {rest} m/s, where the law of dry friction stands for "
-    "rest. Take a larger |x| or lower creep_speed.",
+    (
+        "a chamber would fall below tank pressure (p_a = {p_a} Pa, p_b = {p_b} Pa, tank {tank} Pa):"
+        " the load drives the piston and the fluid cavitates. Lower the load or the opening."
+    ),
+    (
+        "fluid would flow back through an open edge (p_a = {p_a} Pa, p_b = {p_b} Pa, supply"
+        " {supply} Pa, tank {tank} Pa): leakage under the load outweighs the valve. Lower the load"
+        " or take a larger |x|."
+    ),
+    (
+        "the speed of {speed} m/s is below twice creep_speed, {rest} m/s, where the law of dry"
+        " friction stands for rest. Take a larger |x| or lower creep_speed."
+    ),
 )
 
 
@@ -150,7 +165,8 @@ def find_operating_points(actuator: Actuator, x, y, *, load_force=0.0) -> Operat
         shape = np.broadcast_shapes(x.shape, y.shape, load.shape)
     except ValueError:
         raise InputError(
-            f"x {x.shape}, y {y.shape} and load_force {load.shape} do not broadcast; use x[:, None] with y."
+            f"x {x.shape}, y {y.shape} and load_force {load.shape} do not broadcast; use x[:, None]"
+            " with y."
         ) from None
     along = np.broadcast_shapes(x.shape, load.shape)
     openings, loads = (

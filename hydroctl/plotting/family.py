@@ -66,7 +66,10 @@ def bode(family: LinearFamily | SecondOrderFamily, ax=None, *, omega=None) -> np
         each.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         each.xaxis.set_minor_formatter(NullFormatter())
         lines = coloured_lines(each, hertz, curve, y, norm_of(y))
-        label = f"least damped: {place(x[worst], y[worst])}\nζ = {damping[worst]:.3f}, {natural[worst] / (2 * np.pi):.1f} Hz"
+        label = (
+            f"least damped: {place(x[worst], y[worst])}\nζ = {damping[worst]:.3f},"
+            f" {natural[worst] / (2 * np.pi):.1f} Hz"
+        )
         each.plot(hertz, curve[worst], color=VERMILLION, linestyle="--", label=label)
         each.set_xlim(hertz[0], hertz[-1])
     axes[0].set(
@@ -163,12 +166,16 @@ def reduction_error_map(reduced: SecondOrderFamily, ax=None):
     error, rejected = 100.0 * reduced.error, reduced.points.feasible & ~reduced.accepted
     cells(ax, x, y, error, "largest relative error (%)", logarithmic=True, crossed=rejected)
     i, j = np.unravel_index(np.nanargmax(error), error.shape)
-    where = f"worst {error[i, j]:.3g} % at {place(x[i], y[j])}, {reduced.error_frequency[i, j] / (2.0 * np.pi):.3g} Hz"
+    where = (
+        f"worst {error[i, j]:.3g} % at {place(x[i], y[j])},"
+        f" {reduced.error_frequency[i, j] / (2.0 * np.pi):.3g} Hz"
+    )
     ax.plot(j, i, "*", color=VERMILLION, markeredgecolor="white", markersize=14, label=where)
     missing = np.count_nonzero(~reduced.points.feasible)
     grey = f", {missing} without an operating point (grey)" if missing else ""
     ax.set_title(
-        f"Error of the second-order model\n{rejected.sum()} of {error.size} points above {100 * reduced.tolerance:g} %{grey}"
+        f"Error of the second-order model\n{rejected.sum()} of {error.size} points above"
+        f" {100 * reduced.tolerance:g} %{grey}"
     )
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14))
     return ax
@@ -196,5 +203,6 @@ def _grid(family) -> tuple[np.ndarray, np.ndarray]:
         if (points.x == x[:, None]).all() and (points.y == y).all():
             return x, y
     raise InputError(
-        f"a map needs operating points over a grid, not of shape {points.shape}; find them at x[:, None] and y."
+        f"a map needs operating points over a grid, not of shape {points.shape}; find them at x[:,"
+        " None] and y."
     )

@@ -90,7 +90,10 @@ def root_locus(
     )
     margin = analyse(loop).gain_margin[0]
     ax.set(
-        title=f"Root locus of the {schedule.loop} loop, {schedule.structure}\n{place(x, y)}, gain margin {margin:.3g}",
+        title=(
+            f"Root locus of the {schedule.loop} loop, {schedule.structure}\n{place(x, y)}, gain"
+            f" margin {margin:.3g}"
+        ),
         xlabel="real part of z (1)",
         ylabel="imaginary part of z (1)",
         xlim=(-_WINDOW, _WINDOW),

@@ -114,7 +114,8 @@ def several_axes(
     given = np.atleast_1d(np.asarray(ax, dtype=object)).reshape(-1)
     if given.size != count:
         raise InputError(
-            f"this figure needs {count} axes, {given.size} were given; pass as many, or none for a new figure."
+            f"this figure needs {count} axes, {given.size} were given; pass as many, or none for a"
+            " new figure."
         )
     return given
 
@@ -184,7 +185,10 @@ def left_out(points: OperatingPoints) -> str:
     missing = ~points.feasible
     if not missing.any():
         return ""
-    text = f"{missing.sum()} of {missing.size} points are not drawn; the first: {points.reason[missing][0]}"
+    text = (
+        f"{missing.sum()} of {missing.size} points are not drawn; the first:"
+        f" {points.reason[missing][0]}"
+    )
     return "\n".join(textwrap.wrap(text, _NOTE_LINE))
 
 

@@ -43,10 +43,10 @@ def _sampling_remark(actuator: Actuator, x, y, specification: Specification) -> 
     if omega * specification.sample_time <= math.pi:
         return None
     return (
-        f"omega_n Ts reaches {omega * specification.sample_time:.3g}, above pi (omega_n = {omega:.4g} rad/s at x={opening:g}, "
-        f"y={position:g} m, {label} plant): the sampled loop shows this resonance at its alias below "
-        f"{math.pi / specification.sample_time:.4g} rad/s, where the margins count it. A scan time below "
-        f"{1e3 * math.pi / omega:.3g} ms avoids it."
+        f"omega_n Ts reaches {omega * specification.sample_time:.3g}, above pi (omega_n ="
+        f" {omega:.4g} rad/s at x={opening:g}, y={position:g} m, {label} plant): the sampled loop"
+        f" shows this resonance at its alias below {math.pi / specification.sample_time:.4g} rad/s,"
+        f" where the margins count it. A scan time below {1e3 * math.pi / omega:.3g} ms avoids it."
     )
 
 
@@ -66,9 +66,9 @@ def _rating_remark(actuator: Actuator, x, specification: Specification) -> str |
         return None
     peak, label, opening = max(above)
     return (
-        f"a chamber reaches {peak / 1e5:.4g} bar at the operating points of x={opening:g} ({label} plant), above "
-        f"pressure_rating = {actuator.pressure_rating / 1e5:.4g} bar: lower the load or the supply, widen the outlet edge, "
-        "or take a stronger cylinder."
+        f"a chamber reaches {peak / 1e5:.4g} bar at the operating points of x={opening:g} ({label}"
+        f" plant), above pressure_rating = {actuator.pressure_rating / 1e5:.4g} bar: lower the load"
+        " or the supply, widen the outlet edge, or take a stronger cylinder."
     )
 
 
@@ -80,7 +80,8 @@ def _weight_remark(actuator: Actuator, specification: Specification) -> str | No
         return None
     angle, rest = math.copysign(90.0, load), load - math.copysign(weight, load)
     return (
-        f"load_force = {load:g} N is near the weight of mass = {actuator.mass:g} kg, {weight:.5g} N, but does not "
+        f"load_force = {load:g} N is near the weight of mass = {actuator.mass:g} kg, {weight:.5g}"
+        " N, but does not "
         "follow the mass, which varies; if it is the weight, state "
         f'inclination = "{angle:g} deg" and load_force = {rest:.4g} N.'
     )

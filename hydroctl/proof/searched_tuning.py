@@ -108,7 +108,10 @@ class SearchedTuning:
         return "\n".join(
             [
                 f"{outcome}; {gained}",
-                f"settings found: {found}; the gain is {self.gain_ratio:.4g} times that with the specification's own",
+                (
+                    f"settings found: {found}; the gain is {self.gain_ratio:.4g} times that with"
+                    " the specification's own"
+                ),
                 "with the specification's own settings -> with those found, on the nominal plant",
                 *(f"  {change}" for change in self.changes),
                 *_unmet("the specification's own settings", self.verdicts_before),

@@ -1,7 +1,7 @@
 """Sets of functions of x and y in which the coefficients a1, a2, b and the offset c of equation (3)
 are linear.
 
-    paper             a1: 1, x, y, x y, y^2;  the others: 1, x, y, y^2            (equation (3) as printed)
+    paper             a1: 1, x, y, x y, y^2;  the others: 1, x, y, y^2    (equation (3) as printed)
     quadratic         1, x, y, x^2, x y, y^2
     volume            {1, x} times {1, Va0/Va, Vb0/Vb}
     volume-leakage    {1, x, 1/x} times {1, Va0/Va, Vb0/Vb}
@@ -56,7 +56,8 @@ class Basis:
             raise InputError(unknown_name("basis", self.name, BASES))
         if self.name.startswith("volume") and self.actuator is None:
             raise InputError(
-                f"basis = {self.name!r} needs the chamber volumes; give the actuator, or take basis='quadratic'."
+                f"basis = {self.name!r} needs the chamber volumes; give the actuator, or take"
+                " basis='quadratic'."
             )
 
     def _pairs(self, coefficient: str) -> tuple[tuple[str, str], ...]:

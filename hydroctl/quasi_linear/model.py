@@ -82,7 +82,8 @@ class QuasiLinearModel:
         ("+") or x < 0 ("-")."""
         if side not in self.surfaces:
             raise InputError(
-                f"side = {side!r} is not in this model; it has {' and '.join(map(repr, self.surfaces))}."
+                f"side = {side!r} is not in this model; it has"
+                f" {' and '.join(map(repr, self.surfaces))}."
             )
         return dict(self.surfaces[side].coefficients)
 
@@ -180,7 +181,8 @@ class QuasiLinearModel:
                 break
         else:
             raise InputError(
-                f"the position did not settle in {_SWEEPS} sweeps over {t[-1] - t[0]:g} s; simulate a shorter record."
+                f"the position did not settle in {_SWEEPS} sweeps over {t[-1] - t[0]:g} s; simulate"
+                " a shorter record."
             )
         self._require_inside(held, (y[:-1] + y[1:]) / 2.0)
         ends = np.concatenate([[0], np.cumsum(repeat)])
@@ -188,7 +190,8 @@ class QuasiLinearModel:
 
     def _require_start(self, x: np.ndarray, y0, v0) -> None:
         faults = [
-            f"x holds openings of side {side!r}, which this model lacks (it has {' and '.join(map(repr, self.surfaces))})."
+            f"x holds openings of side {side!r}, which this model lacks (it has"
+            f" {' and '.join(map(repr, self.surfaces))})."
             for side, used in (("-", (x[:-1] < 0.0).any()), ("+", (x[:-1] >= 0.0).any()))
             if used and side not in self.surfaces
         ]

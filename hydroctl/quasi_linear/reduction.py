@@ -5,7 +5,8 @@ The real pole p of v/x lies next to its zero z; leaving both out gives the secon
 a2) from the other two poles:
 
     matched:        b = a2 n0/d0, so that the static gain is exact at every point
-    paper:          b = c n1 with ONE constant c = z/p per sign of x, taken at x = +-0.1 and mid stroke (section 3 of the paper)
+    paper:          b = c n1 with ONE constant c = z/p per sign of x, taken at x = +-0.1 and mid stroke
+                    (section 3 of the paper)
     least-squares:  a1 and a2 minimize the sum of |G2/G3 - 1|^2 over 0.1 ... 3 omega_n, b = a2 n0/d0
 
 The error is G2/G3 - 1. For "matched" it is (z - p)/p * s/(s - z), for "paper" (c (s - p) - (s -
@@ -135,9 +136,10 @@ class SecondOrderFamily:
             omega = np.concatenate([omega, self._stationary_frequencies()], axis=-1)
         error = np.abs(self.relative_error(omega))
         worst = np.argmax(error, axis=-1)[..., None]
-        return np.take_along_axis(error, worst, axis=-1)[..., 0], np.take_along_axis(
-            omega, worst, axis=-1
-        )[..., 0]
+        return (
+            np.take_along_axis(error, worst, axis=-1)[..., 0],
+            np.take_along_axis(omega, worst, axis=-1)[..., 0],
+        )
 
     def _stationary_frequencies(self) -> np.ndarray:
         """(..., 4) rad/s: where d|error|^2/domega may vanish inside the band; 0 in place of a
@@ -181,9 +183,9 @@ class SecondOrderFamily:
         for index in zip(*np.nonzero(self.points.feasible & ~self.accepted), strict=True):
             error, tolerance = apart(self.error[index], self.tolerance, digits=3, factor=100.0)
             texts[index] = (
-                f"The second-order model at x={self.points.x[index]:g}, y={self.points.y[index]:g} m is off by "
-                f"{error}% at {self.error_frequency[index]:.4g} rad/s, above the tolerance of {tolerance}%. "
-                "Use the third-order model there."
+                f"The second-order model at x={self.points.x[index]:g}, y={self.points.y[index]:g}"
+                f" m is off by {error}% at {self.error_frequency[index]:.4g} rad/s, above the"
+                f" tolerance of {tolerance}%. Use the third-order model there."
             )
         return texts
 
@@ -204,11 +206,13 @@ def reduce_order(
     faults = [] if method in _METHODS else [unknown_name("method", method, _METHODS)]
     if not tolerance > 0.0:
         faults.append(
-            f"tolerance = {tolerance} must be above 0; it is a relative error, 0.05 is five per cent."
+            f"tolerance = {tolerance} must be above 0; it is a relative error, 0.05 is five per"
+            " cent."
         )
     if omega_max is not None and not 0.0 < omega_max < math.inf:
         faults.append(
-            f"omega_max = {omega_max} must be a positive frequency in rad/s, or None for three natural frequencies."
+            f"omega_max = {omega_max} must be a positive frequency in rad/s, or None for three"
+            " natural frequencies."
         )
     if faults:
         raise InputError(faults)

@@ -76,7 +76,8 @@ class Region:
     def _bounds(self):
         if not self.covered.any():
             raise InputError(
-                "the model is not known in any cell of (x, y); fit more points, or record longer and excite more."
+                "the model is not known in any cell of (x, y); fit more points, or record longer"
+                " and excite more."
             )
         i, j = np.nonzero(self.covered)
         return (self.x[i.min()], self.x[i.max() + 1]), (self.y[j.min()], self.y[j.max() + 1])

@@ -67,9 +67,10 @@ def _shortage(reduced: SecondOrderFamily, basis: Basis, side: str, mask: np.ndar
     rejected = [text for text in reduced.reason[mask] if text]
     why = f" The first of {len(rejected)} rejected points: {rejected[0]}" if rejected else ""
     return (
-        f"side {side!r}: {len(x)} accepted points at {len(np.unique(x))} openings and {len(np.unique(y))} positions do not "
-        f"determine the {terms} terms of basis {basis.name!r}. Add openings and positions, raise tolerance in reduce_order, or "
-        f"take a smaller basis.{why}"
+        f"side {side!r}: {len(x)} accepted points at {len(np.unique(x))} openings and"
+        f" {len(np.unique(y))} positions do not determine the {terms} terms of basis"
+        f" {basis.name!r}. Add openings and positions, raise tolerance in reduce_order, or take a"
+        f" smaller basis.{why}"
     )
 
 

@@ -105,12 +105,13 @@ def to_standard(form: Form) -> StandardForm:
     kp, ki, kd = parallel.kp, parallel.ki, parallel.kd
     if kp == 0.0:
         raise InputError(
-            f"kp = 0 (ki = {ki:g}, kd = {kd:g}) has no standard form, in which K scales every term. Keep the parallel form."
+            f"kp = 0 (ki = {ki:g}, kd = {kd:g}) has no standard form, in which K scales every term."
+            " Keep the parallel form."
         )
     if ki * kp < 0.0 or kd * kp < 0.0:
         raise InputError(
-            f"kp = {kp:g}, ki = {ki:g}, kd = {kd:g} differ in sign and have no standard form, because Ti or Td would be negative. "
-            "Keep the parallel form."
+            f"kp = {kp:g}, ki = {ki:g}, kd = {kd:g} differ in sign and have no standard form,"
+            " because Ti or Td would be negative. Keep the parallel form."
         )
     return StandardForm(kp, kp / ki if ki else math.inf, kd / kp, parallel.Tf)
 
@@ -128,8 +129,9 @@ def to_series(form: Form) -> SeriesForm:
         least = 4.0 * Td if Tf == 0.0 else Tf + 2.0 * Td + 2.0 * math.sqrt(Td * (Td + Tf))
         given, needed = apart(Ti, least)
         raise InputError(
-            f"Ti = {given} s, Td = {Td:g} s, Tf = {Tf:g} s have no series form, which has real zeros only: Ti must be at least "
-            f"{'4 Td = ' if Tf == 0.0 else ''}{needed} s. Raise Ti, lower Td or keep the standard form."
+            f"Ti = {given} s, Td = {Td:g} s, Tf = {Tf:g} s have no series form, which has real"
+            f" zeros only: Ti must be at least {'4 Td = ' if Tf == 0.0 else ''}{needed} s. Raise"
+            " Ti, lower Td or keep the standard form."
         )
     lead = 2.0 * Td / (remainder + math.sqrt(discriminant))
     return SeriesForm(K * (1.0 - lead / Ti), Ti - lead, lead, Tf)

@@ -109,8 +109,9 @@ def require_answers(scheduled: ScheduledRegulator, vectors: list[Vector]) -> Non
         if not same_gains or abs(found.x - given.x) > TOLERANCE:
             stated, answered = apart(given.x, found.x)
             raise InputError(
-                f"test_vectors.{k} gives x = {stated} with gains {given.gains}, but this schedule's law gives "
-                f"x = {answered} with gains {found.gains}; write the file anew with this hydroctl."
+                f"test_vectors.{k} gives x = {stated} with gains {given.gains}, but this schedule's"
+                f" law gives x = {answered} with gains {found.gains}; write the file anew with this"
+                " hydroctl."
             )
 
 

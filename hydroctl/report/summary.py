@@ -74,8 +74,8 @@ def _head(design):
     )
     accepted = np.count_nonzero(reduced.accepted)
     yield (
-        f"second order holds within {100 * reduced.tolerance:g} % at {accepted} of {reduced.accepted.size} operating points "
-        "(the regulators are tuned on third order)"
+        f"second order holds within {100 * reduced.tolerance:g} % at {accepted} of"
+        f" {reduced.accepted.size} operating points (the regulators are tuned on third order)"
     )
     if reasons := [reason for reason in design.points.reason.ravel() if reason]:
         yield f"{len(reasons)} operating points are left out: {reasons[0]}"
@@ -83,7 +83,10 @@ def _head(design):
 
 
 def _verdicts(design):
-    yield f"Margins over {len(design.schedule.margins.variants)} plants ({'; '.join(design.schedule.margins.variants)})"
+    yield (
+        f"Margins over {len(design.schedule.margins.variants)} plants"
+        f" ({'; '.join(design.schedule.margins.variants)})"
+    )
     yield from (f"  {verdict}" for verdict in design.margin_verdicts)
     yield design.validation.summary()
 
@@ -94,7 +97,10 @@ def _worst_points(design):
         worst = design.schedule.margins.worst(name)
         if name == "gain_reduction_margin" and worst.value == 0.0:
             continue
-        yield f"  {form.format(worst.value * _SCALE.get(name, 1.0)):24s} at x={worst.x:g}, y={worst.y:g} m, {worst.variant}"
+        yield (
+            f"  {form.format(worst.value * _SCALE.get(name, 1.0)):24s} at x={worst.x:g},"
+            f" y={worst.y:g} m, {worst.variant}"
+        )
 
 
 def _comparison(design):
@@ -104,9 +110,14 @@ def _comparison(design):
     yield "Integral of |error| over that of one fixed regulator of the same structure and limits"
     yield "(geometric mean over steps, ramps, sines and load steps)"
     for name, found in design.comparison.items():
-        yield f"  {name:17s} x {found.nominal.mean:.3f} nominal, x {found.worst.mean:.3f} at worst ({found.worst_variant})"
+        yield (
+            f"  {name:17s} x {found.nominal.mean:.3f} nominal, x {found.worst.mean:.3f} at worst"
+            f" ({found.worst_variant})"
+        )
     outcome = "meets" if design.fixed_validation.passed else "does not meet"
-    yield f"  {gain} {scheduled.min():.4g} ... {scheduled.max():.4g} scheduled, {constant:.4g} fixed"
+    yield (
+        f"  {gain} {scheduled.min():.4g} ... {scheduled.max():.4g} scheduled, {constant:.4g} fixed"
+    )
     yield f"  the fixed regulator {outcome} the requirements on the nonlinear plant"
 
 
@@ -121,19 +132,36 @@ def describe(machine: Characteristics) -> str:
     actuator = machine.actuator
     width = max(map(len, PARAMETERS))
     stated = {
-        name: "  not stated"
-        if value is None
-        else f"{value:>12.6g} {PARAMETERS[name].metadata['unit']}".rstrip()
+        name: (
+            "  not stated"
+            if value is None
+            else f"{value:>12.6g} {PARAMETERS[name].metadata['unit']}".rstrip()
+        )
         for name, value in actuator.parameters().items()
     }
     parameters = [f"  {name:{width}s} {text}" for name, text in stated.items()]
     derived = [
         f"  area ratio b/a             {machine.area_ratio:.4g}",
-        f"  natural frequency          {_hertz(machine.natural_frequency.min())} ... {_hertz(machine.natural_frequency.max())} Hz",
-        f"  its minimum                {_hertz(machine.lowest_frequency)} Hz at y = {machine.lowest_position:.4g} m",
-        f"  stall force                {machine.stall_force_extending / 1e3:.4g} kN, {machine.stall_force_retracting / 1e3:.4g} kN",
-        f"  speed at full opening      {machine.speed_extending:.4g} m/s, {machine.speed_retracting:.4g} m/s",
-        f"  pressure jump at reversal  {machine.pressure_jump_a / 1e5:.4g} bar (a), {machine.pressure_jump_b / 1e5:.4g} bar (b)",
+        (
+            f"  natural frequency          {_hertz(machine.natural_frequency.min())} ..."
+            f" {_hertz(machine.natural_frequency.max())} Hz"
+        ),
+        (
+            f"  its minimum                {_hertz(machine.lowest_frequency)} Hz at y ="
+            f" {machine.lowest_position:.4g} m"
+        ),
+        (
+            f"  stall force                {machine.stall_force_extending / 1e3:.4g} kN,"
+            f" {machine.stall_force_retracting / 1e3:.4g} kN"
+        ),
+        (
+            f"  speed at full opening      {machine.speed_extending:.4g} m/s,"
+            f" {machine.speed_retracting:.4g} m/s"
+        ),
+        (
+            f"  pressure jump at reversal  {machine.pressure_jump_a / 1e5:.4g} bar (a),"
+            f" {machine.pressure_jump_b / 1e5:.4g} bar (b)"
+        ),
     ]
     texts = [
         f"{title}: {text}"

@@ -1,5 +1,5 @@
-"""The schedule file: JSON with a unit on every quantity, the regulator law as formulas, and what was
-shown of the schedule.
+"""The schedule file: JSON with a unit on every quantity, the regulator law as formulas, and what
+was shown of the schedule.
 
 The pydantic models of this module, of `parts` and of `shown` are the file's definition. Keys and
 choices are identifiers; sentences stand under `description` and `reason` alone. Reading is strict:
@@ -68,12 +68,14 @@ class Document(Part):
         )
         if limit is not None and limit.unit != (unit := units["kp"]):
             raise ValueError(
-                f"unit of high_frequency_gain is {limit.unit!r}, must be {unit!r} for a {self.loop} loop"
+                f"unit of high_frequency_gain is {limit.unit!r}, must be {unit!r} for a {self.loop}"
+                " loop"
             )
         for name, table in self.scheduling.tables.items():
             if table.unit != (unit := units[name]):
                 raise ValueError(
-                    f"unit of table {name} is {table.unit!r}, must be {unit!r} for a {self.loop} loop"
+                    f"unit of table {name} is {table.unit!r}, must be {unit!r} for a {self.loop}"
+                    " loop"
                 )
         return self
 
@@ -164,7 +166,8 @@ def _read_json(path: Path):
     try:
         if path.stat().st_size > _LARGEST_FILE:
             raise InputError(
-                f"{path}: more than {_LARGEST_FILE // 1_000_000} MB is no schedule; name the right file."
+                f"{path}: more than {_LARGEST_FILE // 1_000_000} MB is no schedule; name the right"
+                " file."
             )
         return json.loads(
             path.read_bytes(), parse_constant=_refuse_constant, object_pairs_hook=_unique_keys

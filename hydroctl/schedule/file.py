@@ -288,7 +288,8 @@ def _actuator(machine: p.Machine) -> Actuator:
         raise InputError(f"actuator.parameters lacks {', '.join(lacking)}.")
     if actuator.fingerprint() != machine.fingerprint:
         raise InputError(
-            "actuator.fingerprint does not belong to actuator.parameters; the file was changed after it was written."
+            "actuator.fingerprint does not belong to actuator.parameters; the file was changed"
+            " after it was written."
         )
     return actuator
 

@@ -132,8 +132,8 @@ class GainSchedule:
         """The actuator. Raises InputError where there is none."""
         if self.actuator is None:
             raise InputError(
-                "this schedule was designed on linear models; the nonlinear machine that this needs "
-                "is not known. Design on the Actuator, or name one where an argument takes it."
+                "this schedule was designed on linear models; the nonlinear machine that this needs"
+                " is not known. Design on the Actuator, or name one where an argument takes it."
             )
         return self.actuator
 
@@ -293,7 +293,8 @@ def load_schedule(path: str | Path) -> GainSchedule:
 
 
 def compensation_of(p: plant.Parameters, pressure_drops: np.ndarray) -> Compensation:
-    """What the compensation of the pressures needs of a machine, and the design's drops (2, 2) in Pa."""
+    """What the compensation of the pressures needs of a machine, and the design's drops (2, 2) in
+    Pa."""
     (retract_a, retract_b), (extend_a, extend_b) = pressure_drops
     return Compensation(
         flow_a=p.flow_coefficient_a * p.area_a,

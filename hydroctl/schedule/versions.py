@@ -50,8 +50,8 @@ def upgraded(data: dict[str, Any]) -> dict[str, Any]:
         )
     if version >= 3 and data.get("fingerprint", "") is None:
         raise InputError(
-            f"fingerprint is null, but a file of version {version} has one; it was changed after it "
-            "was written."
+            f"fingerprint is null, but a file of version {version} has one; it was changed after it"
+            " was written."
         )
     if version == VERSION:
         return data

@@ -63,7 +63,8 @@ def simulate_closed_loop(
     )
     if faults > 0:
         raise SimulationError(
-            f"The regulator is unstable in itself: its states overflow at {faults} of {command.size} samples. "
-            f"Give its anti-windup a time Tt well above {0.5 * scenario.Ts:g} s, half a sample."
+            f"The regulator is unstable in itself: its states overflow at {faults} of"
+            f" {command.size} samples. Give its anti-windup a time Tt well above"
+            f" {0.5 * scenario.Ts:g} s, half a sample."
         )
     return answer

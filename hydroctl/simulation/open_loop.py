@@ -46,8 +46,9 @@ def simulate(
     )
     if reached < t[-1]:
         raise SimulationError(
-            f"The motion could not be followed beyond t = {reached:g} s ({steps} steps): the equations have become too stiff or a "
-            f"chamber has no volume left. Keep y within the stroke, 0 to {actuator.stroke:g} m, or raise rtol."
+            f"The motion could not be followed beyond t = {reached:g} s ({steps} steps): the"
+            " equations have become too stiff or a chamber has no volume left. Keep y within the"
+            f" stroke, 0 to {actuator.stroke:g} m, or raise rtol."
         )
     integrator = f"{method.method.NAME}, rtol {rtol:g}, {steps} steps"
     return require_motion(
@@ -73,7 +74,8 @@ def _checked(t, x, load_force, rtol) -> tuple[np.ndarray, np.ndarray, np.ndarray
     for name, array in (("x", x), ("load_force", load)):
         if array.shape not in ((), t.shape):
             faults.append(
-                f"{name} has shape {array.shape}; give one number or one for each of the {t.size} times."
+                f"{name} has shape {array.shape}; give one number or one for each of the {t.size}"
+                " times."
             )
     if x.size and (x.max() > 1.0 or x.min() < -1.0):
         largest, _ = apart(np.abs(x).max(), 1.0)

@@ -70,7 +70,8 @@ class Scenario:
         for name, array in (("v_ref", v_ref), ("load_force", load)):
             if array.shape not in ((), reference.shape):
                 faults.append(
-                    f"{name} has shape {array.shape}; give one number or one for each of the {reference.size} samples."
+                    f"{name} has shape {array.shape}; give one number or one for each of the"
+                    f" {reference.size} samples."
                 )
         for name, array in (
             ("reference", reference),
@@ -122,7 +123,8 @@ def require_fit(schedule: GainSchedule, scenario: Scenario) -> None:
     faults = []
     if schedule.loop != scenario.loop:
         faults.append(
-            f"scenario {scenario.name!r} is for the {scenario.loop} loop, the schedule for the {schedule.loop} loop."
+            f"scenario {scenario.name!r} is for the {scenario.loop} loop, the schedule for the"
+            f" {schedule.loop} loop."
         )
     if abs(schedule.Ts - scenario.Ts) > 1e-12 * schedule.Ts:
         own, needed = apart(scenario.Ts, schedule.Ts)

@@ -39,7 +39,8 @@ def state_of(initial) -> State:
         start = None
     if start is None or not np.isfinite(start).all():
         raise InputError(
-            f"initial = {initial!r} is not a State of finite numbers; give p_a, p_b in Pa, v in m/s, y in m, the spool as x."
+            f"initial = {initial!r} is not a State of finite numbers; give p_a, p_b in Pa, v in"
+            " m/s, y in m, the spool as x."
         )
     return start
 
@@ -91,8 +92,9 @@ def require_motion(actuator: Actuator, trajectory: Trajectory) -> Trajectory:
         )
     lost = -1 if sound.all() else np.argmin(sound)
     raise SimulationError(
-        f"The motion has no meaning from t = {trajectory.t[lost]:g} s on: the piston has used up a chamber beyond its "
-        f"stroke of 0 to {actuator.stroke:g} m, or the loop is unstable. Shorten the motion or lower the gains."
+        f"The motion has no meaning from t = {trajectory.t[lost]:g} s on: the piston has used up a"
+        f" chamber beyond its stroke of 0 to {actuator.stroke:g} m, or the loop is unstable."
+        " Shorten the motion or lower the gains."
     )
 
 
@@ -121,7 +123,8 @@ def rest_state(actuator: Actuator, y: float | None = None, *, load_force: float 
     if not lowest < load < highest:
         given, pulling, pushing = apart(load, lowest, highest)
         faults.append(
-            f"the load of {given} N cannot be held: the stall forces are {pulling} and {pushing} N. Lower the load."
+            f"the load of {given} N cannot be held: the stall forces are {pulling} and {pushing} N."
+            " Lower the load."
         )
     if faults:
         raise InputError(faults)

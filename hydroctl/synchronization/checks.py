@@ -55,14 +55,16 @@ def profile_faults(
     if times:
         own, *others = apart(profile.Ts, *sorted(times))
         faults.append(
-            f"the reference is sampled every {own} s, schedules every {', '.join(others)} s; give both one time."
+            f"the reference is sampled every {own} s, schedules every {', '.join(others)} s; give"
+            " both one time."
         )
     low, high = float(profile.position.min()), float(profile.position.max())
     for i, actuator in enumerate(actuators):
         if low < 0.0 or high > actuator.stroke:
             first, last, none, stroke = apart(low, high, 0.0, actuator.stroke)
             faults.append(
-                f"the reference runs from {first} to {last} m, cylinder {i + 1} from {none} to {stroke} m; keep within it."
+                f"the reference runs from {first} to {last} m, cylinder {i + 1} from {none} to"
+                f" {stroke} m; keep within it."
             )
     return faults
 

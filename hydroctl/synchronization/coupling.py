@@ -10,8 +10,9 @@ as a whole, lambda = 0, moves as without coupling.
 
     "independent"   M = 0
     "master-slave"  M_i1 = -1, kc = 1: cylinder 1 follows r, the others follow its measured position
-    "mean"          M = 1 - 1/N: d_i is what y_i lacks to the mean of all; lambda = 1 for every difference
-    "ring"          d_i is what y_i lacks to the mean of its two neighbours; lambda = 1 - cos(2 pi n/N), at most 2
+    "mean"          M = 1 - 1/N: d_i is what y_i lacks to the mean of all; every lambda = 1
+    "ring"          d_i is what y_i lacks to the mean of its two neighbours;
+                    lambda = 1 - cos(2 pi n/N), at most 2
 """
 
 from __future__ import annotations
@@ -74,13 +75,17 @@ class CouplingEvidence:
         return 1.001 * self.Ms_limit
 
     def __str__(self) -> str:
-        where = f"cylinder {self.cylinder + 1}, x = {self.x:.3g}, y = {self.y:.3g} m, {self.variant} plant"
+        where = (
+            f"cylinder {self.cylinder + 1}, x = {self.x:.3g}, y = {self.y:.3g} m, {self.variant}"
+            " plant"
+        )
         reached, limit, _ = apart(self.Ms, self.Ms_limit, self.Ms_allowed, digits=4)
         pole, _ = apart(self.largest_pole, 1.0, digits=5)
         return (
-            f"Ms = {reached} of the differences ({where}), {'kept' if self.Ms <= self.Ms_allowed else 'NOT KEPT'}: limit {limit}, "
-            f"and 0.1 % for the tuner's grid; without coupling {self.Ms_uncoupled:.3f}; "
-            f"largest pole of the group {pole}, {'stable' if self.largest_pole < 1.0 else 'UNSTABLE'}"
+            f"Ms = {reached} of the differences ({where}),"
+            f" {'kept' if self.Ms <= self.Ms_allowed else 'NOT KEPT'}: limit {limit}, and 0.1 % for"
+            f" the tuner's grid; without coupling {self.Ms_uncoupled:.3f}; largest pole of the"
+            f" group {pole}, {'stable' if self.largest_pole < 1.0 else 'UNSTABLE'}"
         )
 
 

@@ -161,11 +161,13 @@ def _law_faults(schedules) -> list[str]:
             if value != needed:
                 given, wanted = apart(value, needed)
                 found.append(
-                    f"schedule {i + 1} has {name} = {given}: a coupling with gains needs {wanted}; tune it so."
+                    f"schedule {i + 1} has {name} = {given}: a coupling with gains needs {wanted};"
+                    " tune it so."
                 )
         if np.any(s.kd) and s.c != 1.0:
             found.append(
-                f'schedule {i + 1} has derivative_on = "measurement": a coupling with gains needs "error"; tune it so.'
+                f'schedule {i + 1} has derivative_on = "measurement": a coupling with gains needs'
+                ' "error"; tune it so.'
             )
     return found
 

@@ -100,12 +100,18 @@ class SynchronizationResult:
         """What was reached, and with which coupling, in a few lines."""
         m, c = self.metrics, self.coupling
         lines = [
-            f"{len(self.trajectories)} cylinders, coupling {c.name}, kc = {c.kc:.3g}, ki = {c.ki:.3g} 1/s",
+            (
+                f"{len(self.trajectories)} cylinders, coupling {c.name}, kc = {c.kc:.3g}, ki ="
+                f" {c.ki:.3g} 1/s"
+            ),
             *([f"  {c.evidence}"] if c.evidence else []),
             f"  synchronisation error: rms {1e3 * m.rms:.4f} mm, peak {1e3 * m.peak:.4f} mm",
         ]
         if self.load_steps.any():
-            parts = f"rms {1e3 * m.rms_after_load_steps:.4f} mm, peak {1e3 * m.peak_after_load_steps:.4f} mm"
+            parts = (
+                f"rms {1e3 * m.rms_after_load_steps:.4f} mm, peak"
+                f" {1e3 * m.peak_after_load_steps:.4f} mm"
+            )
             lines.append(f"  in the {SETTLING:g} s after each load step: {parts}")
         end = "to the end of the reference" if self.completed else "NOT to the end of the reference"
         lines.append(
@@ -148,7 +154,8 @@ def synchronize(
     faults += _rule_faults(len(actuators), reference, limits, stop, failure, longest)
     if isinstance(coupling, Coupling) and coupling.matrix.shape != (len(actuators),) * 2:
         faults.append(
-            f"the coupling is for {len(coupling.matrix)} cylinders, given are {len(actuators)}; design it for these."
+            f"the coupling is for {len(coupling.matrix)} cylinders, given are {len(actuators)};"
+            " design it for these."
         )
     if faults:
         raise InputError(faults)
@@ -172,14 +179,15 @@ def _loads(load_forces, count: int, reference: MotionProfile) -> tuple[np.ndarra
         return loads, faults
     if not hasattr(load_forces, "__len__") or len(load_forces) != count:
         return loads, [
-            f"load_forces must be {count} loads, one for each cylinder, each a number or one for each sample."
+            f"load_forces must be {count} loads, one for each cylinder, each a number or one for"
+            " each sample."
         ]
     for i, load in enumerate(load_forces):
         load = np.asarray(load, dtype=float)
         if load.shape not in ((), reference.position.shape) or not np.isfinite(load).all():
             faults.append(
-                f"the load of cylinder {i + 1}, shape {load.shape}, must be one finite number or one for each of the "
-                f"{reference.position.size} samples."
+                f"the load of cylinder {i + 1}, shape {load.shape}, must be one finite number or"
+                f" one for each of the {reference.position.size} samples."
             )
         else:
             loads[i] = load
@@ -190,7 +198,8 @@ def _rule_faults(count, reference, limits, stop, failure, longest) -> list[str]:
     faults = []
     if limits is not None and np.size(limits.speed) not in (1, count):
         faults.append(
-            f"limits.speed has {np.size(limits.speed)} values for {count} cylinders; give one number, or one for each."
+            f"limits.speed has {np.size(limits.speed)} values for {count} cylinders; give one"
+            " number, or one for each."
         )
     if failure is not None and stop is None:
         faults.append("a failure needs a stop strategy; give stop=StopStrategy(...).")
@@ -257,9 +266,11 @@ def _run(
         v_ref=common[1],
         rate=common[2],
         load_steps=_load_steps(actuators, loads[:, :done]),
-        stop=None
-        if stopped < 0
-        else _stop_report(trajectories, common[0], stopped, stop, failure, reference.Ts),
+        stop=(
+            None
+            if stopped < 0
+            else _stop_report(trajectories, common[0], stopped, stop, failure, reference.Ts)
+        ),
         completed=stopped < 0 and place >= reference.position.size - 1,
     )
 

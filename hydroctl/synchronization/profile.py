@@ -40,7 +40,8 @@ class MotionProfile:
             )
         if speed.shape != position.shape:
             faults.append(
-                f"speed of shape {speed.shape} must have one value for each of the {position.size} positions."
+                f"speed of shape {speed.shape} must have one value for each of the {position.size}"
+                " positions."
             )
         for name, values in (("position", position), ("speed", speed)):
             if not np.isfinite(values).all():

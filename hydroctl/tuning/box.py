@@ -108,7 +108,8 @@ class _Search:
         box = schedule.plants.box
         if box is None:
             raise InputError(
-                f"uncertainty = {schedule.specification.uncertainty!r} counts its plants; there is no box to search."
+                f"uncertainty = {schedule.specification.uncertainty!r} counts its plants; there is"
+                " no box to search."
             )
         self.box = box
         designed = np.isin(x, schedule.design_x)[:, None] & np.isin(y, schedule.design_y)

@@ -271,7 +271,8 @@ def _solution(cost: np.ndarray, rows) -> np.ndarray:
         if solved.x is not None:
             return solved.x
     raise InfeasibleError(
-        f"The linear program of the tuner has no solution: {solved.message} Relax a limit or move the points."
+        f"The linear program of the tuner has no solution: {solved.message} Relax a limit or move"
+        " the points."
     )
 
 

@@ -1,10 +1,13 @@
 """`tune_fast`: gains by formula from the matched second-order models b/(s^2 + a1 s + a2), held to
 the same limits as `tune`.
 
-    IMC, velocity loop (pid)      kp, ki, kd = a1/(b tau), a2/(b tau), 1/(b tau)     so that L = 1/(tau s)
-    IMC, position loop (p+notch)  kp = a2/(b tau), notch at sqrt(a2)                 so that L is about 1/(tau s)
+    IMC, velocity loop (pid)      kp, ki, kd = a1/(b tau), a2/(b tau), 1/(b tau)
+                                  so that L = 1/(tau s)
+    IMC, position loop (p+notch)  kp = a2/(b tau), notch at sqrt(a2)
+                                  so that L is about 1/(tau s)
     pole placement, velocity loop (pid), for the closed loop (s + w)(s^2 + 2 zeta w s + w^2):
-                                  kp, ki, kd = ((1 + 2 zeta) w^2 - a2)/b, w^3/b, ((1 + 2 zeta) w - a1)/b
+                                  kp = ((1 + 2 zeta) w^2 - a2)/b, ki = w^3/b,
+                                  kd = ((1 + 2 zeta) w - a1)/b
 
 The formulas know neither delay, hold and filter nor the variants of the plant. The gains of IMC are
 in proportion to 1/tau: where a limit is missed, tau is raised until it holds. (Rivera, Morari,
@@ -112,12 +115,13 @@ def _require(method: str, quantity: ControlledQuantity, bandwidth: float | None)
     faults = [] if method in METHODS else [unknown_name("method", method, METHODS)]
     if bandwidth is not None and not 0.0 < bandwidth < np.inf:
         faults.append(
-            f"bandwidth = {bandwidth!r} must be a positive frequency in rad/s, or None for the default."
+            f"bandwidth = {bandwidth!r} must be a positive frequency in rad/s, or None for the"
+            " default."
         )
     if method == "pole-placement" and not quantity.is_speed:
         faults.append(
-            "pole placement needs a velocity loop: with position feedback a PID cannot move the sum of the poles, -a1. "
-            'Use method "imc".'
+            "pole placement needs a velocity loop: with position feedback a PID cannot move the sum"
+            ' of the poles, -a1. Use method "imc".'
         )
     if faults:
         raise InputError(faults)
@@ -195,7 +199,8 @@ def _slow_down(task: Task, regulators: Regulators) -> np.ndarray:
     if not held.all():
         i, j = np.argwhere(~held)[0]
         raise InfeasibleError(
-            f"x={task.x[i]:g}, y={task.y[j]:g} m: IMC meets the specification at no time constant. Raise a limit or use `tune`."
+            f"x={task.x[i]:g}, y={task.y[j]:g} m: IMC meets the specification at no time constant."
+            " Raise a limit or use `tune`."
         )
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2.0
@@ -215,8 +220,8 @@ def _require_held(task: Task, regulators: Regulators) -> None:
             phrase(name, task.specification) for name in limits_of(task.specification)
         )
         raise InfeasibleError(
-            f"{task.place(*worst)}: pole placement, which ignores the delay, gives {state}; asked: {asked}. "
-            'Use method "imc" or `tune`, another bandwidth, or a shorter delay.'
+            f"{task.place(*worst)}: pole placement, which ignores the delay, gives {state}; asked:"
+            f' {asked}. Use method "imc" or `tune`, another bandwidth, or a shorter delay.'
         )
 
 

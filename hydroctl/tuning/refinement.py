@@ -269,13 +269,14 @@ def _require_kept(problem: Problem, gains: np.ndarray, found: dict[str, _Shortfa
         if not shortfall.worst[k, i, j] <= _TOLERANCE[name]:
             limit = phrase(name, task.specification)
             raise InfeasibleError(
-                f"{task.place(k, i, j)}: the tuner ended with gains that break {limit}. Relax this limit or move the points."
+                f"{task.place(k, i, j)}: the tuner ended with gains that break {limit}. Relax this"
+                " limit or move the points."
             )
     size = np.abs(problem.loops(gains).poles()).max(axis=-1)
     k, i, j = np.unravel_index(np.argmax(size), size.shape)
     if not size[k, i, j] < 1.0:
         reached, _ = apart(size[k, i, j], 1.0)
         raise InfeasibleError(
-            f"{task.place(k, i, j)}: the tuner ended with an unstable loop (a pole of size {reached}). "
-            "Relax a limit or choose another structure."
+            f"{task.place(k, i, j)}: the tuner ended with an unstable loop (a pole of size"
+            f" {reached}). Relax a limit or choose another structure."
         )

@@ -67,7 +67,8 @@ def search_settings(task: Task) -> SearchedSettings:
     own = _settings(task)
     if not own:
         raise InputError(
-            f"structure {task.structure!r} has neither notch nor section nor derivative to be searched for; use tune."
+            f"structure {task.structure!r} has neither notch nor section nor derivative to be"
+            " searched for; use tune."
         )
     few = task.part(_spread(task.x.size), _spread(task.y.size))
     few = few.with_plants(_tried_plants(few))

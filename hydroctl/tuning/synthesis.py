@@ -60,8 +60,9 @@ def tune(
 
     plant: an `Actuator`, or models as in `as_plant`. A machine varies by the specification's
     uncertainty, models by their own variants: a specification for them states "nominal", or leaves
-    the default, and their schedule says "nominal". Of models on a grid x and y may be left out: they
-    are the grid's; between its points there is nothing to look at, and nothing is shown there.
+    the default, and their schedule says "nominal". Of models on a grid x and y may be left out:
+    they are the grid's; between its points there is nothing to look at, and nothing is shown
+    there.
 
     x must not hold 0 (see `GainSchedule`). Raises InputError for points that no linear model can
     describe, InfeasibleError where no gain meets the limits, or their largest crossover is below
@@ -244,9 +245,10 @@ def _require_crossover(task: Task, regulators: Regulators) -> None:
     at, binding = np.unravel_index(np.argmax(intrusion), intrusion.shape)
     reached, asked = apart(crossover[k, i, j], least, digits=4)
     raise InfeasibleError(
-        f"{task.place(k, i, j)}: the largest gains cross over at {reached} rad/s, below min_crossover = {asked} "
-        f"rad/s; {phrase(list(limits)[binding], task.specification)} binds ({task.place(at, i, j)}). Feasible is min_crossover = "
-        f"{0.999 * crossover[k, i, j]:.4g} rad/s; for more, relax that limit or shorten the delay."
+        f"{task.place(k, i, j)}: the largest gains cross over at {reached} rad/s, below"
+        f" min_crossover = {asked} rad/s; {phrase(list(limits)[binding], task.specification)} binds"
+        f" ({task.place(at, i, j)}). Feasible is min_crossover = {0.999 * crossover[k, i, j]:.4g}"
+        " rad/s; for more, relax that limit or shorten the delay."
     )
 
 
@@ -256,9 +258,10 @@ def assemble_schedule(task: Task, nodes, regulators: Regulators) -> GainSchedule
     b = task.specification.set_point_weight
     if task.quantity.integrations and b != 1.0 and np.ptp(regulators.kp, axis=0).any():
         raise InputError(
-            f"set_point_weight = {b:g} with kp scheduled on x: the part (b - 1) kp r of the command changes with the command "
-            "itself, through kp(x), and the loop oscillates (see check_coupling). Use set_point_weight = 1, points at a single "
-            "opening x, or tune_fixed."
+            f"set_point_weight = {b:g} with kp scheduled on x: the part (b - 1) kp r of the command"
+            " changes with the command itself, through kp(x), and the loop oscillates (see"
+            " check_coupling). Use set_point_weight = 1, points at a single opening x, or"
+            " tune_fixed."
         )
     speeds = task.family.speed_gains()
     return GainSchedule(
@@ -280,9 +283,9 @@ def assemble_schedule(task: Task, nodes, regulators: Regulators) -> GainSchedule
         sections=regulators.sections,
         Tt=_anti_windup_time(regulators.kp, regulators.ki, task.specification.sample_time),
         feed_forward=task.family.knows_speed and not task.quantity.is_speed,
-        pressure_drops=task.family.pressure_drops(task.x)
-        if task.specification.pressure_compensation
-        else None,
+        pressure_drops=(
+            task.family.pressure_drops(task.x) if task.specification.pressure_compensation else None
+        ),
         speed_gain_extend=speeds.gain_extend,
         speed_gain_retract=speeds.gain_retract,
         speed_offset_extend=speeds.offset_extend,

@@ -202,8 +202,9 @@ def task_of(
     if shaped and highest >= np.pi / specification.sample_time:
         given, needed = apart(specification.sample_time, np.pi / highest, digits=3)
         raise InputError(
-            f"sample_time = {given} s: a notch or lead at {highest:.4g} rad/s, where the plant's "
-            f"natural frequency puts it, needs one below {needed} s. Sample faster or choose a structure without."
+            f"sample_time = {given} s: a notch or lead at {highest:.4g} rad/s, where the plant's"
+            f" natural frequency puts it, needs one below {needed} s. Sample faster or choose a"
+            " structure without."
         )
     return task
 
@@ -275,5 +276,8 @@ def _points_fault(name: str, values) -> str | None:
     ):
         return f"{name} nodes = {values!r} must be one ascending row of finite numbers."
     if name == "x" and (points == 0.0).any():
-        return "x = 0 cannot be a node, because the plant has no derivative there; use a small opening of either sign."
+        return (
+            "x = 0 cannot be a node, because the plant has no derivative there; use a small opening"
+            " of either sign."
+        )
     return None

@@ -74,7 +74,10 @@ class CampaignResult:
         if not self.failed[case]:
             return ""
         name = self.scenarios[self.scenario[case]].name
-        return f"scenario {name!r}: the loop is unstable or the piston used up a chamber; replay it with seed {self.case_seed(case)}."
+        return (
+            f"scenario {name!r}: the loop is unstable or the piston used up a chamber; replay it"
+            f" with seed {self.case_seed(case)}."
+        )
 
     def verdicts(self, requirements: Sequence[Requirement]) -> tuple[Verdict, ...]:
         """Each requirement at the case that is worst for it, which the verdict's variant names by

@@ -32,7 +32,8 @@ class ChunkStore:
             write_file(label, mark.encode())
         if label.read_text() != mark:
             raise InputError(
-                f"{directory} holds chunks of another campaign; name a new directory, or repeat that campaign's input."
+                f"{directory} holds chunks of another campaign; name a new directory, or repeat"
+                " that campaign's input."
             )
 
     def load(self, bound: tuple[int, int]) -> np.ndarray | None:

@@ -42,7 +42,10 @@ class Comparison:
     """cases that the baseline failed"""
 
     def __str__(self) -> str:
-        text = f"{self.name} / {self.baseline}: IAE x {self.mean:.3f} ({self.best:.3f} at best: {self.best_case}; "
+        text = (
+            f"{self.name} / {self.baseline}: IAE x {self.mean:.3f} ({self.best:.3f} at best:"
+            f" {self.best_case}; "
+        )
         failed = f"{self.failed} failed, of the baseline {self.baseline_failed}"
         return text + f"{self.worst:.3f} at worst: {self.worst_case}; {self.cases} cases, {failed})"
 
@@ -174,7 +177,8 @@ def _part(report: ValidationReport, variant: str) -> ValidationReport:
 def _require_two(named: Mapping) -> None:
     if len(named) < 2:
         raise InputError(
-            f"{len(named)} to compare; give at least two: the baseline first, then those to compare with it."
+            f"{len(named)} to compare; give at least two: the baseline first, then those to compare"
+            " with it."
         )
 
 
@@ -187,7 +191,8 @@ def _against(baseline: str, reference: dict, name: str, found: dict) -> Comparis
     ]
     if not cases:
         raise InputError(
-            f"no case was brought to its end by both {name!r} and {baseline!r}; there is nothing to compare."
+            f"no case was brought to its end by both {name!r} and {baseline!r}; there is nothing to"
+            " compare."
         )
     ratios = np.array([found[case].iae / reference[case].iae for case in cases])
     best, worst = int(np.argmin(ratios)), int(np.argmax(ratios))

@@ -19,8 +19,9 @@ def require_machine(actuator: object) -> None:
     """InputError for what has no nonlinear plant."""
     if not isinstance(actuator, Actuator):
         raise InputError(
-            f"actuator = {type(actuator).__name__}: a validation moves the nonlinear plant, with its "
-            "pressures, end stops and limits, which linear models do not have; give an Actuator."
+            f"actuator = {type(actuator).__name__}: a validation moves the nonlinear plant, with"
+            " its pressures, end stops and limits, which linear models do not have; give an"
+            " Actuator."
         )
 
 
@@ -34,7 +35,8 @@ def plants_of(
     if isinstance(wanted, Mapping):
         if not wanted or not all(isinstance(plant, Actuator) for plant in wanted.values()):
             raise InputError(
-                "variants as a mapping must hold at least one Actuator by its label, and nothing else."
+                "variants as a mapping must hold at least one Actuator by its label, and nothing"
+                " else."
             )
         return dict(wanted)
     if wanted not in NAMES:

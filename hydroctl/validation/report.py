@@ -55,7 +55,10 @@ class ValidationReport:
         failed = sum(not verdict.passed for verdict in self.verdicts)
         variants = len({run.variant for run in self.runs})
         plants = "1 plant" if variants == 1 else f"{variants} plants"
-        head = f"{len(self.runs)} runs of the nonlinear model ({len(self.runs) // variants} scenarios, {plants}): "
+        head = (
+            f"{len(self.runs)} runs of the nonlinear model ({len(self.runs) // variants} scenarios,"
+            f" {plants}): "
+        )
         outcome = (
             "every requirement is met"
             if self.passed
@@ -76,9 +79,9 @@ def validate(
 
     `scenarios` default to `step_scenarios`, `requirements` to `default_requirements` of the nominal
     machine and the Mt of the schedule's specification. `variants`: see `plants_of`. A run that
-    fails is in the report with its reason; it raises nothing. Raises InputError for what is no Actuator, an unknown loop or
-    variant, for scenarios that do not fit the schedule and for a plant that cannot hold its load
-    at rest.
+    fails is in the report with its reason; it raises nothing. Raises InputError for what is no
+    Actuator, an unknown loop or variant, for scenarios that do not fit the schedule and for a plant
+    that cannot hold its load at rest.
     """
     require_machine(actuator)
     if scenarios is None:

@@ -132,12 +132,14 @@ def _scale(actuator: Actuator, loop: str, Ts: float) -> Scale:
     if not isinstance(Ts, Real) or isinstance(Ts, bool) or not 0.0 < Ts <= longest:
         _, limit = apart(Ts, longest) if isinstance(Ts, Real) else apart(longest, longest)
         raise InputError(
-            f"Ts = {Ts!r} must be a sample time between 0 and {limit} s, a twentieth of the time in which the machine settles."
+            f"Ts = {Ts!r} must be a sample time between 0 and {limit} s, a twentieth of the time in"
+            " which the machine settles."
         )
     slowest = actuator.stroke / min(scale.extend_speed, scale.retract_speed)
     if (slowest + 5.0 * scale.settling) / Ts > _MOST_SAMPLES:
         raise InputError(
-            f"Ts = {Ts:g} s would make scenarios of more than {_MOST_SAMPLES:g} samples; take a longer one."
+            f"Ts = {Ts:g} s would make scenarios of more than {_MOST_SAMPLES:g} samples; take a"
+            " longer one."
         )
     return scale
 

@@ -43,7 +43,8 @@ def default_requirements(scale: Scale, loop: str, *, Mt: float = 1.3) -> tuple[R
         Requirement(
             "settling time",
             "s",
-            f"{times:g} time constants 1/(2 zeta omega_n) ({scale.time_constant:.3g} s each), after the way at full opening",
+            f"{times:g} time constants 1/(2 zeta omega_n) ({scale.time_constant:.3g} s each), after"
+            " the way at full opening",
             _SETTLES,
             lambda m: m.settling_time,
             lambda scenario, _: scenario.settle_by,
@@ -59,7 +60,8 @@ def default_requirements(scale: Scale, loop: str, *, Mt: float = 1.3) -> tuple[R
         Requirement(
             "overshoot after saturation",
             controlled_quantity(loop).unit,
-            "what a step within the valve's range may overshoot: the integral must not have wound up",
+            "what a step within the valve's range may overshoot: the integral must not have"
+            " wound up",
             ("saturated",),
             lambda m: m.passing,
             lambda *_: (Mt - 1.0) * scale.step,

@@ -105,7 +105,7 @@ def test_a_model_is_recovered_from_its_own_record(reference, own_record):
     assert result.fit.hold_out > 99.9
 
 
-def test_the_held_out_part_is_predicted_as_well_as_the_noise_allows_and_nothing_is_claimed_beyond_the_record(
+def test_the_held_out_part_is_predicted_as_well_as_noise_allows_and_no_claim_goes_beyond_the_record(
     reference, own_record
 ):
     """With 5 % of noise a perfect model leaves 95 %."""

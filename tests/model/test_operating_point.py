@@ -141,7 +141,9 @@ def test_both_pressures_collapse_where_leakage_outweighs_the_valve_flow():
     points = hc.find_operating_points(REFERENCE, openings, 0.1)
     assert (np.diff(points.p_a) > 0).all()
     ratio = REFERENCE.area_b / REFERENCE.area_a
-    x = 1e-7  # so small that p_a ~ 0: the whole supply pressure drops over the edge, and all of A_b v leaks back from b to a
+    # so small that p_a ~ 0: the whole supply pressure drops over the edge, and all of A_b v leaks
+    # back from b to a
+    x = 1e-7
     speed = (
         x
         * REFERENCE.flow_coefficient

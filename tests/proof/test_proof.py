@@ -114,8 +114,9 @@ def test_an_export_states_it(designed, tmp_path):
 def test_design_save_load_and_export_sample_each_set_of_plants_once(
     monkeypatch, tmp_path, uncertainty
 ):
-    """Each set: plants, points, what the loop controls, sampling. Only the climbs of the search of a
-    box come to the same few points of a plant again, while it designs; nothing does after that."""
+    """Each set: plants, points, what the loop controls, sampling. Only the climbs of the search of
+    a box come to the same few points of a plant again, while it designs; nothing does after
+    that."""
     counted = Counter()
     sample = machine_plants.sample
 

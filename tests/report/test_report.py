@@ -107,7 +107,8 @@ class Visit:
         """The same by the name of the row; a complex value is a pair."""
         rows = self.page.eval_on_selector_all(
             f"{selector} tr",
-            "all => all.map(row => [row.querySelector('th').textContent, row.querySelector('data').value])",
+            "all => all.map(row => [row.querySelector('th').textContent,"
+            " row.querySelector('data').value])",
         )
         return {name: [float(part) for part in value.split(",")] for name, value in rows}
 
@@ -221,7 +222,10 @@ def test_response_and_step_of_the_page_are_those_of_the_linear_loop_under_the_la
         for name in ("linear_algebra.js", "loop.js")
     )
     ask = "const read = withRows(JSON.parse(document.getElementById('data').textContent).explorer);"
-    ask += f"return evaluate(read, read.plants[0], read.regulators[0], {i}, read.stroke * {j} / {POSITIONS});"
+    ask += (
+        f"return evaluate(read, read.plants[0], read.regulators[0], {i}, read.stroke * {j} /"
+        f" {POSITIONS});"
+    )
     found = visit.page.evaluate(f"() => {{ {source} {ask} }}")
     loop = loop_at(schedule, openings[i], schedule.actuator.stroke * j / POSITIONS)
     L = loop.frequency_response(np.array([found["omega"]]))[0]
@@ -364,7 +368,10 @@ def test_the_sliders_work_from_the_keyboard_and_everything_has_a_name(visit):
     assert visit.page.get_attribute(
         "#opening", "aria-valuetext"
     ) == "x = " + visit.page.text_content("#opening-value")
-    unnamed = "all => all.filter(one => !(one.getAttribute('aria-label') || one.labels?.length)).map(one => one.id)"
+    unnamed = (
+        "all => all.filter(one => !(one.getAttribute('aria-label') || one.labels?.length)).map(one"
+        " => one.id)"
+    )
     assert visit.page.eval_on_selector_all("svg[role=img], input, select", unnamed) == []
 
 

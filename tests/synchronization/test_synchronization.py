@@ -301,9 +301,13 @@ def test_after_a_failure_all_halt_within_the_stated_distance(name, kind, time):
 
 def test_a_stopping_reference_is_decelerated_evenly_over_the_distance():
     found = synchronize(
-        [ACTUATOR] * 2, [GIVEN] * 2, s_curve(0.1, 0.2, 1.0), coupling=coupling("mean", 2),
-        stop=StopStrategy(distance=1e-3, largest_lag=0.05), failure=Failure(cylinder=1, time=0.6),
-    )  # fmt: skip
+        [ACTUATOR] * 2,
+        [GIVEN] * 2,
+        s_curve(0.1, 0.2, 1.0),
+        coupling=coupling("mean", 2),
+        stop=StopStrategy(distance=1e-3, largest_lag=0.05),
+        failure=Failure(cylinder=1, time=0.6),
+    )
     k = round(found.stop.time / 1e-3) - 1
     assert found.reference[-1] - found.reference[k] == pytest.approx(1e-3, rel=1e-9)
     moving = found.v_ref[k:][found.v_ref[k:] > 0.0]
@@ -431,17 +435,31 @@ def test_all_faults_of_a_group_come_at_once():
     schedules = [GIVEN, schedule("velocity", Ts=2e-3), GIVEN]
     with pytest.raises(InputError) as caught:
         synchronize(
-            [ACTUATOR, short], schedules, s_curve(0.1, 0.45, 1.0), load_forces=[np.zeros(3), np.inf],
-            limits=MotionLimits(speed=[1.0, 1.0, 1.0]), failure=Failure(cylinder=2, time=9.0), longest=0.1,
+            [ACTUATOR, short],
+            schedules,
+            s_curve(0.1, 0.45, 1.0),
+            load_forces=[np.zeros(3), np.inf],
+            limits=MotionLimits(speed=[1.0, 1.0, 1.0]),
+            failure=Failure(cylinder=2, time=9.0),
+            longest=0.1,
             coupling=coupling("mean", 3),
-        )  # fmt: skip
+        )
     words = (
-        "load of cylinder 1", "load of cylinder 2", "3 schedules for 2 cylinders", "for the velocity loop",
+        "load of cylinder 1",
+        "load of cylinder 2",
+        "3 schedules for 2 cylinders",
+        "for the velocity loop",
         "schedules are sampled every 0.001, 0.002 s",
-        "strokes are 0.4, 0.5 m", "the reference is sampled every 0.001 s, schedules every 0.002 s", "cylinder 2 from 0 to 0.4 m",
-        "limits.speed has 3 values", "needs a stop strategy", "failure.cylinder = 2", "failure.time = 9", "longest = 0.1",
+        "strokes are 0.4, 0.5 m",
+        "the reference is sampled every 0.001 s, schedules every 0.002 s",
+        "cylinder 2 from 0 to 0.4 m",
+        "limits.speed has 3 values",
+        "needs a stop strategy",
+        "failure.cylinder = 2",
+        "failure.time = 9",
+        "longest = 0.1",
         "for 3 cylinders",
-    )  # fmt: skip
+    )
     assert len(caught.value.faults) == len(words)
     for word in words:
         assert any(word in fault for fault in caught.value.faults), word

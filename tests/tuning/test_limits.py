@@ -158,8 +158,10 @@ def test_a_crossover_out_of_reach_names_limit_place_variant_and_what_is_feasible
         _designed(reference, "velocity", "pi", **DELAYED, min_crossover=20.0)
     text = str(caught.value)
     found = re.fullmatch(
-        r"x=\S+, y=\S+ m, .* plant: the largest gains cross over at (\S+) rad/s, below min_crossover = 20 rad/s; "
-        r"Ms <= 1.05 binds \(x=\S+, y=\S+ m, .* plant\). Feasible is min_crossover = (\S+) rad/s; .*",
+        r"x=\S+, y=\S+ m, .* plant: the largest gains cross over at (\S+) rad/s, below"
+        r" min_crossover = 20 rad/s; "
+        r"Ms <= 1.05 binds \(x=\S+, y=\S+ m, .* plant\). Feasible is min_crossover = (\S+)"
+        r" rad/s; .*",
         text,
     )
     assert found, text

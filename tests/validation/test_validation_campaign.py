@@ -299,10 +299,12 @@ import resource, sys
 sys.path.insert(0, {str(Path(__file__).parents[1])!r})
 import numpy as np, hydroctl as hc
 from loops import schedule
-asked = hc.Scenario(name="short", loop="velocity", Ts=1e-3, y=0.25, reference=np.array([0.0, 0.01, 0.01, 0.01]))
+reference = np.array([0.0, 0.01, 0.01, 0.01])
+asked = hc.Scenario(name="short", loop="velocity", Ts=1e-3, y=0.25, reference=reference)
 peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 for count in (4096, {count}):
-    result = hc.campaign(hc.load_actuator("reference"), schedule(), count=count, seed=1, scenarios=[asked], substeps=1)
+    common = {"seed": 1, "scenarios": [asked], "substeps": 1}
+    result = hc.campaign(hc.load_actuator("reference"), schedule(), count=count, **common)
     print(peak(), int(result.failed.sum()), result.count)
 """
     lines = subprocess.run(

@@ -24,7 +24,10 @@ def schedule(tmp_path, reference):
 
 def start(*arguments):
     # a shell's background jobs, and all that they start, ignore SIGINT
-    code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from hydroctl.cli import main; main()"
+    code = (
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from hydroctl.cli"
+        " import main; main()"
+    )
     return subprocess.Popen(
         [sys.executable, "-c", code, *map(str, arguments)],
         stdout=subprocess.PIPE,

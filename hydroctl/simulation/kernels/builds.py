@@ -96,8 +96,8 @@ def law_build(build: str) -> ModuleType:
 
 
 def _law_module(module: ModuleType, build: str, left_out: set[str]) -> ModuleType:
-    """`module` compiled, with the modules of the law that it calls; `step` of those in `left_out` is
-    their `absent`."""
+    """`module` compiled, with the modules of the law that it calls; `step` of those in `left_out`
+    is their `absent`."""
     called = {
         name: _law_module(value, build, left_out)
         for name, value in vars(module).items()

@@ -5,8 +5,9 @@ At sample k, with the path time s in samples, the common reference r = path(s), 
 the measured y_j:
 
     lag      = max_j (r - y_j) in the direction of motion
-    rate    += Ts/(T + Ts) (wanted - rate),  wanted = 1 - (lag - free)/span within [least, 1];  at most ceiling(s)
-    target_i = r + kp d_i + I_i,  d_i = sum_j M_ij (r - y_j)                  the reference that regulator i is given
+    wanted   = 1 - (lag - free)/span within [least, 1]
+    rate    += Ts/(T + Ts) (wanted - rate),  at most ceiling(s)
+    target_i = r + kp d_i + I_i,  d_i = sum_j M_ij (r - y_j)      what regulator i is given
     I_i     += Ts ki d_i, as long as no valve is fully open                   forward Euler
     v_ref    = rate * speed(s);  s += rate
 
@@ -41,7 +42,7 @@ NUMBERS = tuple(name for name in Regulator._fields if name not in _ARRAYS)
 def regulator_at(i, tables):
     """The regulator of cylinder i from the tables of all."""
     x, x_slope, y, y_slope, table, limits, sections, compensation, numbers = tables
-    (position, Ts, shaped, delay, part, Tf, b, c, integrates, derives, rate, zz, zp, Tm) = (
+    position, Ts, shaped, delay, part, Tf, b, c, integrates, derives, rate, zz, zp, Tm = (
         to_fixed_tuple(numbers[i, :14], 14)
     )
     slope, offset, back, back_offset, compensated, depth, width = to_fixed_tuple(numbers[i, 14:], 7)
