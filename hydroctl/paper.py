@@ -2,8 +2,8 @@
 
 Recipe of the coefficient table below equation (3), for each sign of x:
 
-    points   x = 0 (the limit), +-0.1, ..., +-1 and y = 0, 0.05, ..., 0.5 m, with leakage Kv = 0; secant
-             form, equation (2)
+    points   x = 0 (the limit), +-0.1, ..., +-1 and y = 0, 0.05, ..., 0.5 m, with leakage Kv = 0;
+             secant form, equation (2)
     a1, a2   from the complex pole pair
     b        the leading coefficient n1 of the numerator, times ONE constant z/p taken at
              x = +-0.1, y = 0.25 m

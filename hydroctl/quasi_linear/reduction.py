@@ -5,8 +5,8 @@ The real pole p of v/x lies next to its zero z; leaving both out gives the secon
 a2) from the other two poles:
 
     matched:        b = a2 n0/d0, so that the static gain is exact at every point
-    paper:          b = c n1 with ONE constant c = z/p per sign of x, taken at x = +-0.1 and mid stroke
-                    (section 3 of the paper)
+    paper:          b = c n1 with ONE constant c = z/p per sign of x, taken at x = +-0.1 and
+                    mid stroke (section 3 of the paper)
     least-squares:  a1 and a2 minimize the sum of |G2/G3 - 1|^2 over 0.1 ... 3 omega_n, b = a2 n0/d0
 
 The error is G2/G3 - 1. For "matched" it is (z - p)/p * s/(s - z), for "paper" (c (s - p) - (s -
