@@ -6,7 +6,7 @@ states them:
 
     bore_diameter, rod_diameter            instead of  area_a, area_b
         rod_diameter_a                     too, where a second rod leaves through the cap side
-    dead_volume_a, dead_volume_b           instead of  volume_a, volume_b     (at its end of the stroke)
+    dead_volume_a, dead_volume_b           instead of  volume_a, volume_b     (at its stroke end)
         hose_volume_a, hose_volume_b       too, for the lines, or hose_volume in all, half each
     rated_flow, and its pressure drop      instead of  flow_coefficient       (at x = 1)
         rated_pressure_drop_per_edge       the drop over one edge, or
