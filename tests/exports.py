@@ -74,10 +74,10 @@ def fitted(machine: str, loop: str, structure: str, **settings) -> GainSchedule:
     given = exported(loop, structure, actuator=actuator, **settings)
     p, y = plant.parameters(actuator), actuator.stroke * np.array([0.0, 0.4, 1.0])
     middle = 0.5 * actuator.stroke
-    stiffness = p.area_a**2 / (p.volume_a + p.area_a * middle) + p.area_b**2 / (
-        p.volume_b - p.area_b * middle
-    )
-    frequency = np.sqrt(p.bulk_modulus * stiffness / actuator.mass)
+    stiffness = p.chambers.area_a**2 / (
+        p.chambers.volume_a + p.chambers.area_a * middle
+    ) + p.chambers.area_b**2 / (p.chambers.volume_b - p.chambers.area_b * middle)
+    frequency = np.sqrt(p.chambers.bulk_modulus * stiffness / actuator.mass)
     retract, extend = np.abs(hc.find_operating_points(actuator, [-1.0, 1.0], middle).v)
     faster = (0.1 * frequency if loop == "position" else 0.12) / retract / given.kp[0, 0]
     return replace(
@@ -164,7 +164,7 @@ def closed_loop(schedules, samples: int, seed: int = 1):
         rows.append([STEP, which, 0.0, *inputs])
         memory = law.sample(inputs[0], inputs[1], inputs[2:], memory, regulators[which])
         answers.append(float(memory.x))
-        z = motion.told(z, answers[-1], p)
+        z = motion.commanded(z, answers[-1], p)
         z = runge_kutta.step(z, answers[-1], load, p, schedules[0].Ts)
     return np.array(rows, dtype=float), np.array(answers)
 

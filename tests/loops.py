@@ -16,7 +16,7 @@ from hydroctl.loop.quantity import controlled_quantity
 from hydroctl.model import plant
 from hydroctl.regulator.scheduled import ScheduledRegulator
 from hydroctl.schedule.schedule import compensation_of
-from hydroctl.simulation.kernels.builds import motion_build
+from hydroctl.simulation.kernels.builds import ALL_COMPONENTS, motion_build
 
 
 def schedule(loop="velocity", **changes):
@@ -63,8 +63,8 @@ def _regulator(s):
         "measured": s.quantity.signal,
         "structure": "pi+notch",
         "compensation": None if s.pressure_drops is None else compensation_of(p, s.pressure_drops),
-        "inverse_depth": s.dead_band_inverse * p.dead_band,
-        "inverse_width": p.dead_band or 1.0,
+        "inverse_depth": s.dead_band_inverse * p.valve.dead_band,
+        "inverse_width": p.valve.dead_band or 1.0,
     }
     shared = {field.name for field in fields(ScheduledRegulator)} - own.keys()
     return ScheduledRegulator(**{name: getattr(s, name) for name in shared}, **own)
@@ -184,7 +184,7 @@ class PlainRegulator:
 def accurate_hold(actuator, state, x, load, duration, times=None):
     """The plant's states for a constant opening by DOP853 at 1e-12; at the end, or at `times` (6,
     n)."""
-    p, slope = plant.parameters(actuator), motion_build("full").motion.slope
+    p, slope = plant.parameters(actuator), motion_build(ALL_COMPONENTS).motion.slope
     state = np.array(state, dtype=float)
     if actuator.valve_natural_frequency is None:
         state[4] = x

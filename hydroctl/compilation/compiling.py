@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import inspect
 import sys
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from threading import RLock
@@ -94,6 +94,44 @@ def compiled(module: ModuleType, build: str, **replaced) -> ModuleType:
             with _cache_in(directory):
                 names[name] = numba.njit(rebound, **options)
     return result
+
+
+def compiled_tree(
+    module: ModuleType,
+    build: str,
+    package: str,
+    left_out: Collection[str] = (),
+    made: dict[str, ModuleType] | None = None,
+    **replaced,
+) -> ModuleType:
+    """`module` compiled, with the modules of `package` that it calls, and those that they call.
+
+    Of the modules named in `left_out` a function `f` is their `absent_f`, where there is one.
+    `made`: modules of this build that were compiled before, by name; new ones are added to it.
+    """
+    made = {} if made is None else made
+    if module.__name__ not in made:
+        called = {}
+        for name, value in vars(module).items():
+            home = value.__name__ if isinstance(value, ModuleType) else _home(value)
+            if home.startswith(f"{package}.") and home != module.__name__:
+                other = compiled_tree(sys.modules[home], build, package, left_out, made, **replaced)
+                called[name] = (
+                    other if home == getattr(value, "__name__", "") else vars(other)[name]
+                )
+        own = {name: value for name, value in replaced.items() if hasattr(module, name)}
+        result = compiled(module, build, **called | own)
+        if module.__name__.rpartition(".")[2] in left_out:
+            for name, function in functions(result).items():
+                if name.startswith("absent_"):
+                    setattr(result, name.removeprefix("absent_"), function)
+        made[module.__name__] = result
+    return made[module.__name__]
+
+
+def _home(value: object) -> str:
+    """The module of a function; nothing for anything else."""
+    return value.__module__ if inspect.isfunction(value) else ""
 
 
 def functions(module: ModuleType) -> dict:

@@ -158,7 +158,12 @@ def plant_fmu(actuator: Actuator, name: str) -> bytes:
     p = parameters(actuator)
     ideal = actuator.valve_natural_frequency is None
     starts = list(rest_state(actuator))[:4]
-    bends = p.breakaway_friction, p.end_stop_stiffness, p.dead_band, not ideal
+    bends = (
+        p.friction.breakaway_friction,
+        p.end_stops.end_stop_stiffness,
+        p.valve.dead_band,
+        not ideal,
+    )
     description = (
         f"Valve-controlled hydraulic cylinder: {actuator.name}. Written by hydroctl {__version__}."
     )
@@ -170,8 +175,8 @@ def plant_fmu(actuator: Actuator, name: str) -> bytes:
         ],
         "p": p,
         "ideal": ideal,
-        "dry": p.breakaway_friction != 0.0,
-        "stops": p.end_stop_stiffness != 0.0,
+        "dry": p.friction.breakaway_friction != 0.0,
+        "stops": p.end_stops.end_stop_stiffness != 0.0,
         "rate_limited": actuator.valve_rate_limit is not None,
         "longest_step": longest_step(actuator) / (_STEPS_OVER_BENDS if any(bends) else 1),
         "own_load": actuator.constant_load,

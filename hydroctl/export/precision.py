@@ -285,7 +285,7 @@ def linear_sample(
 def _regulate(regulator: law.Regulator):
     """`law.regulate` without the effects that exported code leaves out."""
     absent = {
-        structure.__name__.rpartition(".")[2]: SimpleNamespace(step=structure.absent)
+        structure.__name__.rpartition(".")[2]: SimpleNamespace(step=structure.absent_step)
         for structure in law.STRUCTURES
         if hasattr(structure, "absent") and not structure.is_used(regulator)
     }

@@ -27,7 +27,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from . import plant
+from . import friction, supply, valve
 from .plant import Parameters
 
 OPENING, STROKE, OVERLAP, CLOSED, STALLED, STUCK, NOT_CONVERGED, CAVITATION, REVERSED, CREEPING = (
@@ -61,20 +61,26 @@ def circuit_of(p: Parameters, x):
     limits."""
     sign, moves = copysign(1.0, x), x != 0.0
     k = abs(x) if moves else 1.0
-    leakage, viscous = (p.leakage, p.viscous_friction) if moves else (0.0, 0.0)
-    rest = (p.supply_pressure, p.tank_pressure, leakage, viscous)
+    leakage, viscous = (p.chambers.leakage, p.friction.viscous_friction) if moves else (0.0, 0.0)
+    rest = (p.supply.supply_pressure, p.supply.tank_pressure, leakage, viscous)
     if sign > 0.0:
         return Circuit(
             sign,
             moves,
-            p.area_a,
-            p.area_b,
-            p.flow_coefficient_a * k,
-            p.flow_coefficient_b * k,
+            p.chambers.area_a,
+            p.chambers.area_b,
+            p.valve.flow_coefficient_a * k,
+            p.valve.flow_coefficient_b * k,
             *rest,
         )
     return Circuit(
-        sign, moves, p.area_b, p.area_a, p.flow_coefficient_b * k, p.flow_coefficient_a * k, *rest
+        sign,
+        moves,
+        p.chambers.area_b,
+        p.chambers.area_a,
+        p.valve.flow_coefficient_b * k,
+        p.valve.flow_coefficient_a * k,
+        *rest,
     )
 
 
@@ -95,7 +101,7 @@ def solve(p: Parameters, x, load):
     """
     circuit = circuit_of(p, x)
     w, q = _without_dry_friction(circuit, p, circuit.sign * load)
-    if p.breakaway_friction > 0.0:
+    if p.friction.breakaway_friction > 0.0:
         w, q = _with_dry_friction(circuit, p, load, w, q)
     p_d, p_r, _, _ = pressures(circuit, w, q)
     v = circuit.sign * w if circuit.moves else 0.0
@@ -105,8 +111,11 @@ def solve(p: Parameters, x, load):
 def stall_forces(p: Parameters):
     """The loads in N, positive against extension, that just stop retraction and extension; no
     leakage, no dry friction."""
-    p_s, p_t = p.supply_pressure, p.tank_pressure
-    return p.area_a * p_t - p.area_b * p_s, p.area_a * p_s - p.area_b * p_t
+    p_s, p_t = p.supply.supply_pressure, p.supply.tank_pressure
+    return (
+        p.chambers.area_a * p_t - p.chambers.area_b * p_s,
+        p.chambers.area_a * p_s - p.chambers.area_b * p_t,
+    )
 
 
 def force_at_rest(p: Parameters, x):
@@ -145,7 +154,7 @@ def _with_dry_friction(circuit: Circuit, p: Parameters, load, w, q):
     """(w, q) with the whole friction law, from the (w, q) without dry friction; a stuck piston
     keeps to w = 0."""
     at_rest = _leakage_at_rest(circuit)
-    if abs(_force_at_rest(circuit, at_rest) - load) <= p.breakaway_friction:
+    if abs(_force_at_rest(circuit, at_rest) - load) <= p.friction.breakaway_friction:
         return 0.0, at_rest
     return _newton(circuit, p, circuit.sign * load, w, q, True) if circuit.moves else (w, q)
 
@@ -158,8 +167,8 @@ def _newton(circuit: Circuit, p: Parameters, load, w, q, dry):
         resistance, slope = circuit.viscous * w, circuit.viscous
         if dry:
             resistance, slope = (
-                resistance + plant.dry_friction(w, p),
-                slope + plant.dry_friction_slope(w, p),
+                resistance + friction.dry_force(w, p.friction),
+                slope + friction.dry_slope(w, p.friction),
             )
         force = area_d * p_d - area_r * p_r - resistance - load
         leak = leakage * (p_d - p_r) - q
@@ -180,11 +189,13 @@ def _newton(circuit: Circuit, p: Parameters, load, w, q, dry):
 def residual(p: Parameters, x, p_a, p_b, v, load):
     """Largest of the three equations' sums, each over its largest term; infinite where it is not a
     number."""
-    gain_a, gain_b = plant.flow_gains(p_a, p_b, x, p)
-    leak = p.leakage * (p_a - p_b)
-    in_a = _imbalance(gain_a * x, -p.area_a * v, -leak)
-    in_b = _imbalance(gain_b * x, p.area_b * v, leak)
-    of_force = _imbalance(p.area_a * p_a - load, -p.area_b * p_b, -plant.friction_force(v, p))
+    gain_a, gain_b = valve.flow_gains(p_a, p_b, x, p.valve, p.supply)
+    leak = p.chambers.leakage * (p_a - p_b)
+    in_a = _imbalance(gain_a * x, -p.chambers.area_a * v, -leak)
+    in_b = _imbalance(gain_b * x, p.chambers.area_b * v, leak)
+    of_force = _imbalance(
+        p.chambers.area_a * p_a - load, -p.chambers.area_b * p_b, -friction.force(v, p.friction)
+    )
     return max(in_a, in_b, of_force) if np.isfinite(in_a + in_b + of_force) else inf
 
 
@@ -200,26 +211,30 @@ def judge(p: Parameters, x, load, p_a, p_b, v, residual):
     and the fluid flows on to tank. It is one where fluid would flow back through an open edge,
     which takes leakage.
     """
-    dry, slack = p.breakaway_friction > 0.0, _SLACK * p.supply_pressure
+    dry, slack = p.friction.breakaway_friction > 0.0, _SLACK * p.supply.supply_pressure
     if abs(x) > 1.0:
         return OPENING
-    if p.dead_band > 0.0 and abs(x) <= p.dead_band:
+    if p.valve.dead_band > 0.0 and abs(x) <= p.valve.dead_band:
         return OVERLAP
     if x == 0.0:
         return CLOSED
     retracting, extending = stall_forces(p)
     if (x > 0.0 and load >= extending) or (x < 0.0 and load <= retracting):
         return STALLED
-    if dry and abs(force_at_rest(p, plant.effective_opening(x, p)) - load) <= p.breakaway_friction:
+    if (
+        dry
+        and abs(force_at_rest(p, valve.effective_opening(x, p.valve)) - load)
+        <= p.friction.breakaway_friction
+    ):
         return STUCK
     if not residual <= _RESIDUAL_LIMIT:
         return NOT_CONVERGED
-    if min(p_a, p_b) < p.tank_pressure - slack:
+    if min(p_a, p_b) < p.supply.tank_pressure - slack:
         return CAVITATION
-    drop_a, drop_b = plant.pressure_drops(p_a, p_b, x, p)
+    drop_a, drop_b = supply.pressure_drops(p_a, p_b, x, p.supply)
     if min(drop_a, drop_b) < -slack:
         return REVERSED
-    if dry and abs(v) < 2.0 * p.creep_speed:
+    if dry and abs(v) < 2.0 * p.friction.creep_speed:
         return CREEPING
     return 0
 
@@ -228,7 +243,7 @@ def solve_all(p: Parameters, x, load, found, fault):
     """Fill found (4, n), rows p_a, p_b, v, residual, and fault (n,) for spool positions x (n,) and
     loads (n,)."""
     for i in range(x.size):
-        opening = copysign(plant.effective_opening(x[i], p), x[i])  # -0.0 too
+        opening = copysign(valve.effective_opening(x[i], p.valve), x[i])  # -0.0 too
         p_a, p_b, v = solve(p, opening, load[i])
         found[0, i], found[1, i], found[2, i] = p_a, p_b, v
         found[3, i] = residual(p, opening, p_a, p_b, v, load[i])

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from ..errors import InputError, OperatingPointError, unknown_name
-from . import plant
+from . import chambers, plant, valve
 from .cubic_roots import cubic_roots
 from .operating_point import OperatingPoints
 from .transfer_function import coefficients
@@ -162,15 +162,17 @@ def linearize(
         p_a, p_b, v, y, x = (
             _compact(values) for values in (points.p_a, points.p_b, points.v, points.y, points.x)
         )
-        opening = plant.effective_opening(x, p)
+        opening = valve.effective_opening(x, p.valve)
         A, B = plant.jacobian(p_a, p_b, v, y, opening, p)
         if form == "secant":
-            drop_a, drop_b = plant.pressure_gains(p_a, p_b, opening, p)
-            stiff_a, stiff_b = plant.stiffnesses(y, p)
+            drop_a, drop_b = valve.pressure_gains(p_a, p_b, opening, p.valve, p.supply)
+            stiff_a, stiff_b = chambers.stiffnesses(y, p.chambers)
             B[..., 0, 0] += stiff_a * (drop_a * p_a / opening)
             B[..., 1, 0] += stiff_b * (drop_b * p_b / opening)
-        if p.dead_band > 0.0:
-            B *= (plant.opening_slope(x, p) if form == "tangent" else opening / x)[..., None, None]
+        if p.valve.dead_band > 0.0:
+            B *= (valve.opening_slope(x, p.valve) if form == "tangent" else opening / x)[
+                ..., None, None
+            ]
     if not points.feasible.all():
         A[~points.feasible], B[~points.feasible] = np.nan, np.nan
     return LinearFamily(points, form, A, B)

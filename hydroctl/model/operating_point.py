@@ -16,7 +16,7 @@ import numpy as np
 from ..digits import apart
 from ..errors import InputError, OperatingPointError
 from ..machine.actuator import Actuator
-from . import equilibrium, plant
+from . import equilibrium, plant, valve
 
 _FEW = 8
 """Number of openings that plain Python solves sooner than numba is loaded"""
@@ -206,9 +206,9 @@ def _solved(
 @cache
 def compiled_equilibrium():
     """The module `equilibrium`, compiled."""
-    from ..compilation.compiling import compiled
+    from ..compilation.compiling import compiled_tree
 
-    return compiled(equilibrium, "points", plant=compiled(plant, "points"))
+    return compiled_tree(equilibrium, "points", __package__)
 
 
 def _finite(name: str, value) -> np.ndarray:
@@ -226,4 +226,4 @@ def _force_left(actuator: Actuator, x: float, load: float) -> float:
     with the piston at rest."""
     p = plant.parameters(actuator)
     with np.errstate(all="ignore"):
-        return float(equilibrium.force_at_rest(p, plant.effective_opening(x, p)) - load)
+        return float(equilibrium.force_at_rest(p, valve.effective_opening(x, p.valve)) - load)

@@ -11,14 +11,14 @@ input x in [-1, 1].
     x >= 0:  Q_a = c_a x r(p_s - p_a)    Q_b = -c_b x r(p_b - p_t)
     x <  0:  Q_a = c_a x r(p_a - p_t)    Q_b = -c_b x r(p_s - p_b)
 
-r(dp) = sign(dp) sqrt|dp|. The paper writes sqrt|dp|, with which the flow keeps its direction when
-the pressure drop reverses; the two agree wherever p_t <= p <= p_s. The load F is
+r(dp) = sign(dp) sqrt|dp|, of which `valve` says why. The load F is
 `Actuator.constant_load` and what a motion adds to it. With tank pressure p_t = 0, load F = 0, c_a =
 c_b, friction F_f = B v and no end stops, F_e = 0, this is the paper's model; every further effect
 vanishes exactly with its parameter.
 
-In these equations x is the opening that the fluid sees: `effective_opening` of the spool, which an
-ideal valve holds at the command and a real one moves by `valve_rates`.
+Each term is a component, a value with its flow or force, its slope, where it bends, and what it
+comes to when a machine lacks it: `valve` (flows, and x, the opening that the fluid sees at a
+position of the spool), `spool`, `chambers`, `supply`, `friction`, `end_stops`, `load`.
 
 Every function takes floats or arrays that broadcast; they also compile as they stand with numba, so
 that the simulation kernels integrate these very lines.
@@ -27,49 +27,42 @@ that the simulation kernels integrate these very lines.
 from __future__ import annotations
 
 from functools import lru_cache
+from types import ModuleType
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ..machine.actuator import Actuator
+from . import chambers, end_stops, friction, load, spool, valve
+from .chambers import Chambers
+from .end_stops import EndStops
+from .friction import Friction
+from .load import Load
+from .spool import Spool
+from .supply import Supply
+from .valve import Valve
 
 if TYPE_CHECKING:
     import control
 
 
 class Parameters(NamedTuple):
-    """What the equations need of an `Actuator`, in SI: floats, or arrays that broadcast. An effect
-    that is absent has the value that makes it vanish: 0, but 1 for `valve_damping` and
-    `stribeck_speed`, and an infinite `valve_rate_limit`. A `valve_natural_frequency` of 0 means an
-    ideal valve: the spool is the command, and `valve_rates` is not to be used.
+    """What the equations need of an `Actuator`, in SI, by component: floats, or arrays that
+    broadcast. An effect that is absent has the value that makes it vanish: 0, but 1 for
+    `valve_damping` and `stribeck_speed`, and an infinite `valve_rate_limit`.
     """
 
-    area_a: float
-    area_b: float
-    volume_a: float
-    volume_b: float
-    bulk_modulus: float
-    leakage: float
-    flow_coefficient_a: float
-    flow_coefficient_b: float
-    supply_pressure: float
-    tank_pressure: float
-    inverse_mass: float
-    """1/kg: a product costs less than a division"""
-    viscous_friction: float
-    coulomb_friction: float
-    breakaway_friction: float
-    stribeck_speed: float
-    creep_speed: float
-    stroke: float
-    end_stop_stiffness: float
-    end_stop_damping: float
-    valve_natural_frequency: float
-    valve_damping: float
-    valve_rate_limit: float
-    dead_band: float
+    chambers: Chambers
+    supply: Supply
+    valve: Valve
+    spool: Spool
+    friction: Friction
+    end_stops: EndStops
+    load: Load
 
 
+OPTIONAL: tuple[ModuleType, ...] = (valve, spool, friction, end_stops)
+"""Components that a machine may lack: `is_used` says whether it has them."""
 _ABSENT = {
     "stribeck_speed": 1.0,
     "valve_natural_frequency": 0.0,
@@ -82,153 +75,45 @@ _ABSENT = {
 def parameters(actuator: Actuator) -> Parameters:
     """The plant's parameters of `actuator`."""
     derived = {"flow_coefficient_a": actuator.flow_coefficient, "inverse_mass": 1.0 / actuator.mass}
-    given = actuator.parameters() | derived
-    return Parameters(
-        *(_ABSENT[name] if given[name] is None else given[name] for name in Parameters._fields)
-    )
+    given = _ABSENT | {
+        name: value
+        for name, value in (actuator.parameters() | derived).items()
+        if value is not None
+    }
+    kinds = (Chambers, Supply, Valve, Spool, Friction, EndStops, Load)
+    return Parameters(*(kind(*(given[name] for name in kind._fields)) for kind in kinds))
 
 
-def signed_root(dp):
-    """sign(dp) sqrt|dp|. Written so that a complex step through dp gives the derivative."""
-    sign = np.where(np.real(dp) < 0.0, -1.0, 1.0)
-    return sign * np.sqrt(sign * dp)
-
-
-def pressure_drops(p_a, p_b, x, p: Parameters):
-    """(dp_a, dp_b) in Pa over the open edges, positive where the fluid flows the way that x
-    asks."""
-    extend = np.real(x) >= 0.0
-    dp_a = np.where(extend, p.supply_pressure - p_a, p_a - p.tank_pressure)
-    dp_b = np.where(extend, p_b - p.tank_pressure, p.supply_pressure - p_b)
-    return dp_a, dp_b
-
-
-def flow_gains(p_a, p_b, x, p: Parameters):
-    """(dQ_a/dx, dQ_b/dx) in m^3/s: the flows into chambers a and b per unit of valve opening."""
-    dp_a, dp_b = pressure_drops(p_a, p_b, x, p)
-    return p.flow_coefficient_a * signed_root(dp_a), -p.flow_coefficient_b * signed_root(dp_b)
-
-
-def pressure_gains(p_a, p_b, x, p: Parameters):
-    """(-dQ_a/dp_a, -dQ_b/dp_b) in m^3/s/Pa, both >= 0; infinite where a pressure drop vanishes."""
-    dp_a, dp_b = pressure_drops(p_a, p_b, x, p)
-    opening = np.abs(x)
-    return (
-        p.flow_coefficient_a * opening / (2.0 * np.sqrt(np.abs(dp_a))),
-        p.flow_coefficient_b * opening / (2.0 * np.sqrt(np.abs(dp_b))),
-    )
-
-
-def stiffnesses(y, p: Parameters):
-    """(Ec/V_a, Ec/V_b) in Pa/m^3 at position y; by one division, because divisions and roots bound
-    the speed of a simulation."""
-    volume_a, volume_b = p.volume_a + p.area_a * y, p.volume_b - p.area_b * y
-    both = p.bulk_modulus / (volume_a * volume_b)
-    return both * volume_b, both * volume_a
-
-
-def friction_force(v, p: Parameters):
-    """F_f(v) in N, against the motion: viscous friction B v and `dry_friction`."""
-    return p.viscous_friction * v + dry_friction(v, p)
-
-
-def dry_friction(v, p: Parameters):
-    """(F_c + (F_s - F_c)/(1 + (v/v_s)^2)) v/sqrt(v^2 + v_c^2) in N, against the motion.
-
-    Coulomb friction F_c, and breakaway friction F_s that falls half way to F_c at the Stribeck
-    speed v_s (the Lorentzian form, e.g. Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica
-    30 (1994) 1083). The last factor makes the sign of v smooth: a piston held by dry friction under
-    a force F < F_s creeps at about v_c F/sqrt(F_s^2 - F^2), that is 0.58 v_c at half of F_s. The
-    largest dry force stays below F_s by up to 1.4 v_c/v_s of it. Both quotients stand over one
-    denominator, because divisions and roots bound the speed of a simulation.
-    """
-    square, knee = v * v, p.stribeck_speed**2
-    dry = p.coulomb_friction * (knee + square) + (p.breakaway_friction - p.coulomb_friction) * knee
-    return dry * v / ((knee + square) * np.sqrt(square + p.creep_speed**2))
-
-
-def friction_slope(v, p: Parameters):
-    """dF_f/dv in N*s/m; negative where breakaway friction falls faster than viscous friction
-    rises."""
-    return p.viscous_friction + dry_friction_slope(v, p)
-
-
-def dry_friction_slope(v, p: Parameters):
-    """Derivative of `dry_friction` in N*s/m."""
-    ratio = v / p.stribeck_speed
-    excess = (p.breakaway_friction - p.coulomb_friction) / (1.0 + ratio**2)
-    root = np.sqrt(v * v + p.creep_speed**2)
-    falling = -2.0 * excess * ratio / (1.0 + ratio**2) / p.stribeck_speed
-    return falling * v / root + (p.coulomb_friction + excess) * p.creep_speed**2 / root**3
-
-
-def end_stop_force(y, v, p: Parameters):
-    """F_e in N on the piston, positive in the direction of extension: k d max(0, 1 + lambda dd/dt)
-    at depth d into a stop.
-
-    The law of Hunt and Crossley (J. Applied Mechanics 42 (1975) 440), without the pull that it has
-    on fast departure: continuous at contact, dissipative, never sticking. d is -y at the lower stop
-    and y - stroke at the upper one.
-    """
-    lower, upper = np.maximum(-y, 0.0), np.maximum(y - p.stroke, 0.0)
-    push_up = lower * np.maximum(1.0 - p.end_stop_damping * v, 0.0)
-    push_down = upper * np.maximum(1.0 + p.end_stop_damping * v, 0.0)
-    return p.end_stop_stiffness * (push_up - push_down)
-
-
-def effective_opening(x, p: Parameters):
-    """The opening that the fluid sees at spool position x: 0 within the dead band, then linear to 1
-    at |x| = 1 and beyond."""
-    opening = (np.abs(x) - p.dead_band) / (1.0 - p.dead_band)
-    return np.copysign(np.minimum(np.maximum(opening, 0.0), 1.0), x)
-
-
-def opening_slope(x, p: Parameters):
-    """Derivative of `effective_opening` with respect to x for |x| <= 1: 0 within the dead band,
-    else 1/(1 - dead_band)."""
-    return np.where(np.abs(x) > p.dead_band, 1.0 / (1.0 - p.dead_band), 0.0)
-
-
-def valve_rates(spool, spool_rate, command, p: Parameters):
-    """(d spool/dt, d spool_rate/dt) in 1/s, 1/s^2 of the second-order lag w^2/(s^2 + 2 zeta w s +
-    w^2) from command to spool.
-
-    The command saturates at +-1. The lag is built as a speed loop, wanted speed w/(2 zeta) (command
-    - spool) and speed lag 1/(2 zeta w), so that the rate limit acts on the wanted speed, as a
-    saturating pilot stage does: the spool speed never exceeds it, and without a limit the lag is
-    exact.
-    """
-    wanted = wanted_spool_rate(spool, command, p)
-    limited = np.minimum(np.maximum(wanted, -p.valve_rate_limit), p.valve_rate_limit)
-    return spool_rate, 2.0 * p.valve_damping * p.valve_natural_frequency * (limited - spool_rate)
-
-
-def wanted_spool_rate(spool, command, p: Parameters):
-    """The spool speed in 1/s that the valve's position loop asks for, before its limit."""
-    return (
-        p.valve_natural_frequency
-        / (2.0 * p.valve_damping)
-        * (np.minimum(np.maximum(command, -1.0), 1.0) - spool)
-    )
+def components_used(p: Parameters) -> frozenset[str]:
+    """The names of those of OPTIONAL that the machine has. A spool that lags may pass its ends,
+    of which the law of the valve takes care."""
+    names = (component.__name__.rpartition(".")[2] for component in OPTIONAL)
+    used = {
+        name
+        for name, component in zip(names, OPTIONAL, strict=True)
+        if component.is_used(getattr(p, name))
+    }
+    return frozenset(used | ({"valve"} if "spool" in used else set()))
 
 
 def rates(p_a, p_b, v, y, x, load_force, p: Parameters):
     """(dp_a/dt, dp_b/dt, dv/dt) in Pa/s, Pa/s, m/s^2: equation (1) at the effective opening x.
     dy/dt is v."""
-    gain_a, gain_b = flow_gains(p_a, p_b, x, p)
-    stiff_a, stiff_b = stiffnesses(y, p)
-    leak = p.leakage * (p_a - p_b)
+    gain_a, gain_b = valve.flow_gains(p_a, p_b, x, p.valve, p.supply)
+    stiff_a, stiff_b = chambers.stiffnesses(y, p.chambers)
+    leak = chambers.leakage_flow(p_a, p_b, p.chambers)
+    area_a, area_b = p.chambers.area_a, p.chambers.area_b
+    force = (
+        area_a * p_a
+        - area_b * p_b
+        - friction.force(v, p.friction)
+        + end_stops.force(y, v, p.end_stops)
+        - load_force
+    )
     return (
-        stiff_a * (gain_a * x - (p.area_a * v + leak)),
-        stiff_b * (gain_b * x + (p.area_b * v + leak)),
-        (
-            p.area_a * p_a
-            - p.area_b * p_b
-            - friction_force(v, p)
-            + end_stop_force(y, v, p)
-            - load_force
-        )
-        * p.inverse_mass,
+        stiff_a * (gain_a * x - (area_a * v + leak)),
+        stiff_b * (gain_b * x + (area_b * v + leak)),
+        load.acceleration(force, p.load),
     )
 
 
@@ -239,21 +124,22 @@ def jacobian(p_a, p_b, v, y, x, p: Parameters):
     Every entry lies contiguous in memory over the grid; arguments that are constant along an axis
     cost no more for its length.
     """
-    gain_a, gain_b = flow_gains(p_a, p_b, x, p)
-    drop_a, drop_b = pressure_gains(p_a, p_b, x, p)
-    stiff_a, stiff_b = stiffnesses(y, p)
-    slope = friction_slope(v, p)
+    gain_a, gain_b = valve.flow_gains(p_a, p_b, x, p.valve, p.supply)
+    drop_a, drop_b = valve.pressure_gains(p_a, p_b, x, p.valve, p.supply)
+    stiff_a, stiff_b = chambers.stiffnesses(y, p.chambers)
+    slope, inverse_mass = friction.slope(v, p.friction), p.load.inverse_mass
+    area_a, area_b, leakage = p.chambers.area_a, p.chambers.area_b, p.chambers.leakage
     shape = np.broadcast(gain_a, gain_b, drop_a, drop_b, stiff_a, stiff_b, slope).shape
     a = np.empty((3, 3, *shape))
-    np.multiply(-stiff_a, drop_a + p.leakage, out=a[0, 0, ...])
-    a[0, 1] = stiff_a * p.leakage
-    a[0, 2] = -stiff_a * p.area_a
-    a[1, 0] = stiff_b * p.leakage
-    np.multiply(-stiff_b, drop_b + p.leakage, out=a[1, 1, ...])
-    a[1, 2] = stiff_b * p.area_b
-    a[2, 0] = p.area_a * p.inverse_mass
-    a[2, 1] = -p.area_b * p.inverse_mass
-    a[2, 2] = -slope * p.inverse_mass
+    np.multiply(-stiff_a, drop_a + leakage, out=a[0, 0, ...])
+    a[0, 1] = stiff_a * leakage
+    a[0, 2] = -stiff_a * area_a
+    a[1, 0] = stiff_b * leakage
+    np.multiply(-stiff_b, drop_b + leakage, out=a[1, 1, ...])
+    a[1, 2] = stiff_b * area_b
+    a[2, 0] = area_a * inverse_mass
+    a[2, 1] = -area_b * inverse_mass
+    a[2, 2] = -slope * inverse_mass
     b = np.zeros((3, 1, *shape))
     np.multiply(stiff_a, gain_a, out=b[0, 0, ...])
     np.multiply(stiff_b, gain_b, out=b[1, 0, ...])
@@ -278,9 +164,9 @@ def as_nonlinear_system(
     ideal = actuator.valve_natural_frequency is None
 
     def update(t, state, inputs, params):
-        p_a, p_b, v, y, *valve = state
-        spool = inputs[0] if ideal else valve[0]
-        opening = effective_opening(spool, p)
+        p_a, p_b, v, y, *moving = state
+        position = inputs[0] if ideal else moving[0]
+        opening = valve.effective_opening(position, p.valve)
         dp_a, dp_b, dv = rates(
             p_a * pressure_unit,
             p_b * pressure_unit,
@@ -290,8 +176,8 @@ def as_nonlinear_system(
             actuator.constant_load + inputs[1],
             p,
         )
-        moving = () if ideal else valve_rates(*valve, inputs[0], p)
-        return np.array([dp_a / pressure_unit, dp_b / pressure_unit, dv, v, *moving])
+        lag = () if ideal else spool.rates(*moving, inputs[0], p.spool)
+        return np.array([dp_a / pressure_unit, dp_b / pressure_unit, dv, v, *lag])
 
     motion = ["p_a", "p_b", "v", "y"]
     return control.nlsys(

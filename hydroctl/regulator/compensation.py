@@ -92,6 +92,6 @@ def step(opening, y, p_a, p_b, regulator):
     return np.where(regulator.compensated, ratio, 1.0)
 
 
-def absent(opening, y, p_a, p_b, regulator):
+def absent_step(opening, y, p_a, p_b, regulator):
     """`step` without compensation, to the last bit."""
     return 1.0

@@ -32,7 +32,7 @@ def step(w, regulator):
     return w + regulator.inverse_depth * w * ((1.0 + width) / (size + width) - 1.0)
 
 
-def absent(w, regulator):
+def absent_step(w, regulator):
     """`step` without an inverse, to the last bit."""
     return w
 

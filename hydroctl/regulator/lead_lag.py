@@ -43,7 +43,7 @@ def step(u, w, state, section):
     return led, new_state
 
 
-def absent(u, w, state, section):
+def absent_step(u, w, state, section):
     """`step` of a section without effect, to the last bit."""
     return u, 0.0
 

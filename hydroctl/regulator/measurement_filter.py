@@ -28,7 +28,7 @@ def step(measured, memory, regulator):
     return np.where((memory.running == 0.0) | (regulator.Tm == 0.0), measured, follows)
 
 
-def absent(measured, memory, regulator):
+def absent_step(measured, memory, regulator):
     """`step` without a filter, to the last bit."""
     return measured
 

@@ -45,7 +45,7 @@ def step(u, w, memory, regulator):
     return notched, notch_1, notch_2
 
 
-def absent(u, w, memory, regulator):
+def absent_step(u, w, memory, regulator):
     """`step` without a notch, to the last bit."""
     return u, 0.0, 0.0
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..machine.actuator import Actuator
 from ..machine.variants import variants
-from ..model import plant
+from ..model import chambers, plant
 from ..model.linearization import linearize
 from ..model.operating_point import find_operating_points
 from ..regulator.printing.javascript import javascript_of
@@ -82,7 +82,9 @@ def _plant_table(machine: Actuator, openings: np.ndarray) -> dict:
     M are MPa."""
     points = find_operating_points(machine, openings, machine.stroke / 2.0)
     family = linearize(machine, points)
-    stiff = np.array([*plant.stiffnesses(machine.stroke / 2.0, plant.parameters(machine)), 1.0])
+    stiff = np.array(
+        [*chambers.stiffnesses(machine.stroke / 2.0, plant.parameters(machine).chambers), 1.0]
+    )
     scale = np.array([_PRESSURE_SCALE, _PRESSURE_SCALE, 1.0])
     M = family.A * scale / (scale * stiff)[:, None]
     entry = (family.B[..., 0] / (scale * stiff))[..., :2]

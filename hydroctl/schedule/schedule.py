@@ -199,8 +199,8 @@ class GainSchedule:
         p, drops = plant.parameters(self.actuator), self.pressure_drops
         return {
             "compensation": None if drops is None else compensation_of(p, drops),
-            "inverse_depth": self.dead_band_inverse * p.dead_band,
-            "inverse_width": p.dead_band or 1.0,
+            "inverse_depth": self.dead_band_inverse * p.valve.dead_band,
+            "inverse_width": p.valve.dead_band or 1.0,
         }
 
     @property
@@ -297,15 +297,15 @@ def compensation_of(p: plant.Parameters, pressure_drops: np.ndarray) -> Compensa
     Pa."""
     (retract_a, retract_b), (extend_a, extend_b) = pressure_drops
     return Compensation(
-        flow_a=p.flow_coefficient_a * p.area_a,
-        flow_b=p.flow_coefficient_b * p.area_b,
-        volume_a=p.volume_a,
-        volume_b=p.volume_b,
-        area_a=p.area_a,
-        area_b=p.area_b,
-        stroke=p.stroke,
-        supply_pressure=p.supply_pressure,
-        tank_pressure=p.tank_pressure,
+        flow_a=p.valve.flow_coefficient_a * p.chambers.area_a,
+        flow_b=p.valve.flow_coefficient_b * p.chambers.area_b,
+        volume_a=p.chambers.volume_a,
+        volume_b=p.chambers.volume_b,
+        area_a=p.chambers.area_a,
+        area_b=p.chambers.area_b,
+        stroke=p.end_stops.stroke,
+        supply_pressure=p.supply.supply_pressure,
+        tank_pressure=p.supply.tank_pressure,
         extend_drop_a=float(extend_a),
         extend_drop_b=float(extend_b),
         retract_drop_a=float(retract_a),

@@ -139,12 +139,20 @@ def rest_pressures(p: Parameters, load):
     sqrt(p_s - p_d) and A_r w = c_r |x| sqrt(p_r - p_t) fix the ratio of the pressure drops, the
     balance A_a p_a - A_b p_b = F their size.
     """
-    ratio = (p.area_a * p.flow_coefficient_b / (p.area_b * p.flow_coefficient_a)) ** 2
-    drop_b = (p.area_a * p.supply_pressure - p.area_b * p.tank_pressure - load) / (
-        p.area_a * ratio + p.area_b
-    )
-    drop_a = (p.area_b * p.supply_pressure - p.area_a * p.tank_pressure + load) / (
-        p.area_b / ratio + p.area_a
-    )
-    p_a = 0.5 * (p.supply_pressure - ratio * drop_b + p.tank_pressure + drop_a)
-    return p_a, (p.area_a * p_a - load) / p.area_b
+    ratio = (
+        p.chambers.area_a
+        * p.valve.flow_coefficient_b
+        / (p.chambers.area_b * p.valve.flow_coefficient_a)
+    ) ** 2
+    drop_b = (
+        p.chambers.area_a * p.supply.supply_pressure
+        - p.chambers.area_b * p.supply.tank_pressure
+        - load
+    ) / (p.chambers.area_a * ratio + p.chambers.area_b)
+    drop_a = (
+        p.chambers.area_b * p.supply.supply_pressure
+        - p.chambers.area_a * p.supply.tank_pressure
+        + load
+    ) / (p.chambers.area_b / ratio + p.chambers.area_a)
+    p_a = 0.5 * (p.supply.supply_pressure - ratio * drop_b + p.supply.tank_pressure + drop_a)
+    return p_a, (p.chambers.area_a * p_a - load) / p.chambers.area_b

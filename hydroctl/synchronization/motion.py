@@ -17,7 +17,7 @@ from ..machine.actuator import Actuator
 from ..model.operating_point import stall_force
 from ..regulator.prepared import regulator_of
 from ..simulation import State, Trajectory, rest_state
-from ..simulation.kernels.tables import machine_table, regulator_tables
+from ..simulation.kernels.tables import machine_tables, regulator_tables
 from ..simulation.modes import substeps as needed_substeps
 from ..simulation.trajectory import require_motion
 from .checks import group_faults, profile_faults
@@ -246,7 +246,7 @@ def _run(
         (coupling.matrix, float(coupling.kc), float(coupling.ki)),
     )
     substeps = np.array([needed_substeps(actuator, reference.Ts) for actuator in actuators])
-    tables = regulator_tables(regulators), machine_table(actuators), substeps
+    tables = regulator_tables(regulators), machine_tables(actuators), substeps
     out, common = np.empty((count, len(ROWS), samples)), np.empty((len(COMMON_ROWS), samples))
     done, stopped, place = loop_for_group(actuators, regulators).group.run(
         states, path, loads + own, *rules, *tables, out, common

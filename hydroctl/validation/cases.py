@@ -19,6 +19,7 @@ from ..machine.actuator import Actuator
 from ..machine.variants import VARIATIONS
 from ..model import plant
 from ..model.operating_point import stall_force
+from ..model.supply import with_pressure
 from ..regulator.law import Regulator
 from ..regulator.prepared import regulator_of
 from ..simulation import Scenario
@@ -155,7 +156,7 @@ def _run_scenario(task: Task, scenario: Scenario, drawn: np.ndarray) -> np.ndarr
     mass, further = (list(SPREAD).index(name) for name in ("mass", "load_force"))
     cases[further] += task.actuator.axial_gravity * cases[mass]
     p = plant.parameters(task.actuator)
-    own = p._replace(supply_pressure=cases[list(SPREAD).index("supply_pressure")])
+    own = p._replace(supply=with_pressure(p.supply, cases[list(SPREAD).index("supply_pressure")]))
     load = scenario.load_force + task.actuator.load_force
     initial = np.zeros((6, cases.shape[1]))
     if scenario.initial is None:

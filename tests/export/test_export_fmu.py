@@ -10,7 +10,7 @@ from exports import CASES, HOSTILE, OVERLAPPED, REFERENCE, exported
 import hydroctl as hc
 from hydroctl.export.contents import contents_of
 from hydroctl.export.fmu import plant_fmu, regulator_fmu
-from hydroctl.model import plant
+from hydroctl.model import chambers, plant, valve
 
 fmpy = pytest.importorskip("fmpy")
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
@@ -151,15 +151,15 @@ def test_the_plant_in_c_has_the_rates_of_the_plant(tmp_path, machine):
             rng.uniform(-1e5, 1e5),
         )
         x = np.clip(x, -1.0, 1.0) if ideal else x
-        opening = plant.effective_opening(x if ideal else spool, p)
+        opening = valve.effective_opening(x if ideal else spool, p.valve)
         expected = [*plant.rates(p_a, p_b, v, y, opening, load, p), v]
         state = [p_a, p_b, v, y]
         if not ideal:
-            expected += plant.valve_rates(spool, rate, x, p)
+            expected += spool.rates(spool, rate, x, p.spool)
             state += [spool, rate]
         found = (ctypes.c_double * len(state))()
         slope((ctypes.c_double * len(state))(*state), x, load, found)
-        stiff = max(plant.stiffnesses(y, p))
+        stiff = max(chambers.stiffnesses(y, p.chambers))
         scale = [stiff * machine.area_a * 0.3] * 2 + [
             machine.area_a * machine.supply_pressure / machine.mass,
             1.0,

@@ -7,7 +7,7 @@ from machines import DIFFERENTIAL, REFERENCE
 from scipy.integrate import simpson, solve_ivp
 
 import hydroctl as hc
-from hydroctl.model import plant
+from hydroctl.model import chambers, end_stops, friction, plant, supply, valve
 
 STOPS = {"end_stop_stiffness": 2e8, "end_stop_damping": 2.0}
 DRY = DIFFERENTIAL.replace(
@@ -25,29 +25,31 @@ def _powers(actuator, z, x):
     throttling are losses)."""
     p = plant.parameters(actuator)
     p_a, p_b, v, y, *_ = z
-    opening = plant.effective_opening(x, p)
-    gain_a, gain_b = plant.flow_gains(p_a, p_b, opening, p)
+    opening = valve.effective_opening(x, p.valve)
+    gain_a, gain_b = valve.flow_gains(p_a, p_b, opening, p.valve, p.supply)
     q_a, q_b = gain_a * opening, gain_b * opening
-    drop_a, drop_b = plant.pressure_drops(p_a, p_b, opening, p)
+    drop_a, drop_b = supply.pressure_drops(p_a, p_b, opening, p.supply)
     extends = opening >= 0
     line_a, line_b = (
-        (p.supply_pressure, p.tank_pressure) if extends else (p.tank_pressure, p.supply_pressure)
+        (p.supply.supply_pressure, p.supply.tank_pressure)
+        if extends
+        else (p.supply.tank_pressure, p.supply.supply_pressure)
     )
-    leak = p.leakage * (p_a - p_b)
+    leak = p.chambers.leakage * (p_a - p_b)
     return {
         "supply": line_a * q_a + line_b * q_b,
         "throttling": abs(q_a) * drop_a + abs(q_b) * drop_b,
         "leakage": leak * (p_a - p_b),
-        "friction": plant.friction_force(v, p) * v,
+        "friction": friction.force(v, p.friction) * v,
         "load": actuator.load_force * v,
-        "end stops": -plant.end_stop_force(y, v, p) * v,
+        "end stops": -end_stops.force(y, v, p.end_stops) * v,
     }
 
 
 def _compression(actuator, rates, z):
     """Power in W that compresses the oil, p V/Ec dp/dt of each chamber. V moves with y: no function
     of the state, so integrated."""
-    stiff_a, stiff_b = plant.stiffnesses(z[3], plant.parameters(actuator))
+    stiff_a, stiff_b = chambers.stiffnesses(z[3], plant.parameters(actuator).chambers)
     return z[0] * rates[0] / stiff_a + z[1] * rates[1] / stiff_b
 
 
@@ -61,7 +63,7 @@ def test_energy_balance_closes_to_1e_6_of_the_throughput(actuator, x):
 
     def rates(t, z):
         motion = plant.rates(
-            z[0], z[1], z[2], z[3], plant.effective_opening(x, p), actuator.load_force, p
+            z[0], z[1], z[2], z[3], valve.effective_opening(x, p.valve), actuator.load_force, p
         )
         powers = _powers(actuator, z, x)
         return [
@@ -72,8 +74,19 @@ def test_energy_balance_closes_to_1e_6_of_the_throughput(actuator, x):
             abs(powers["supply"]),
         ]
 
-    start = [0.4 * p.supply_pressure, 0.5 * p.supply_pressure, 0.0, y, *np.zeros(len(names) + 2)]
-    speed = abs(x) * p.flow_coefficient_a * np.sqrt(p.supply_pressure / 2) / p.area_a
+    start = [
+        0.4 * p.supply.supply_pressure,
+        0.5 * p.supply.supply_pressure,
+        0.0,
+        y,
+        *np.zeros(len(names) + 2),
+    ]
+    speed = (
+        abs(x)
+        * p.valve.flow_coefficient_a
+        * np.sqrt(p.supply.supply_pressure / 2)
+        / p.chambers.area_a
+    )
     duration = 1.5 * travel / speed  # long enough to run into a stop
     end = solve_ivp(rates, (0, duration), start, method="LSODA", rtol=1e-9, atol=1e-7).y[:, -1]
     work = dict(zip(names, end[4:], strict=False))
@@ -81,11 +94,11 @@ def test_energy_balance_closes_to_1e_6_of_the_throughput(actuator, x):
     kinetic = actuator.mass * end[2] ** 2 / 2
     spent = sum(value for name, value in work.items() if name != "supply")
     assert abs(work["supply"] - spent - compression - kinetic) <= 1e-6 * throughput
-    if p.end_stop_stiffness:
-        depth = max(-end[3], end[3] - p.stroke)
+    if p.end_stops.end_stop_stiffness:
+        depth = max(-end[3], end[3] - p.end_stops.stroke)
         assert depth > 0.0
         assert (
-            work["end stops"] > p.end_stop_stiffness * depth**2 / 2
+            work["end stops"] > p.end_stops.end_stop_stiffness * depth**2 / 2
         )  # the spring's share; the rest is lost in the contact
 
 
@@ -96,10 +109,15 @@ def test_energy_balance_of_simulate_closes_to_1e_6_of_the_throughput(actuator, x
     Simpson's rule along it."""
     p = plant.parameters(actuator)
     t = np.linspace(0.0, 0.25, 25_001)
-    initial = hc.State(0.4 * p.supply_pressure, 0.5 * p.supply_pressure, 0.0, 0.5 * p.stroke)
+    initial = hc.State(
+        0.4 * p.supply.supply_pressure,
+        0.5 * p.supply.supply_pressure,
+        0.0,
+        0.5 * p.end_stops.stroke,
+    )
     motion = hc.simulate(actuator, t, np.full(t.size, x), initial=initial, rtol=1e-10)
     z = np.array([motion.p_a, motion.p_b, motion.v, motion.y])
-    rates = plant.rates(*z, plant.effective_opening(x, p), actuator.load_force, p)
+    rates = plant.rates(*z, valve.effective_opening(x, p.valve), actuator.load_force, p)
     powers = _powers(actuator, z, x)
     work = {name: simpson(power, x=t) for name, power in powers.items()}
     stored = (

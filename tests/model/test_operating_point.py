@@ -19,7 +19,7 @@ from machines import (
 )
 
 import hydroctl as hc
-from hydroctl.model import equilibrium, plant
+from hydroctl.model import chambers, equilibrium, friction, plant, valve
 from hydroctl.model.operating_point import compiled_equilibrium, stall_force
 
 OPENINGS = np.concatenate([-np.geomspace(1.0, 1e-4, 60), np.geomspace(1e-4, 1.0, 60)])
@@ -282,14 +282,14 @@ def test_points_with_breakaway_friction_satisfy_the_equations_of_the_plant(leaka
     points = hc.find_operating_points(machine, OPENINGS, 0.1)
     p = plant.parameters(machine)
     rates = plant.rates(points.p_a, points.p_b, points.v, points.y, points.x, points.load_force, p)
-    stiff = plant.stiffnesses(0.1, p)
+    stiff = chambers.stiffnesses(0.1, p.chambers)
     flow, force = (
-        abs(points.v) * p.area_a + leakage * p.supply_pressure,
-        p.area_a * p.supply_pressure,
+        abs(points.v) * p.chambers.area_a + leakage * p.supply.supply_pressure,
+        p.chambers.area_a * p.supply.supply_pressure,
     )
     assert points.feasible.any()
     for rate, scale in zip(
-        rates, (stiff[0] * flow, stiff[1] * flow, force * p.inverse_mass), strict=True
+        rates, (stiff[0] * flow, stiff[1] * flow, force * p.load.inverse_mass), strict=True
     ):
         assert (abs(rate) <= 1e-12 * scale)[points.feasible].all()
     assert points.residual[points.feasible].max() <= 1e-12
@@ -349,7 +349,7 @@ def test_with_a_load_just_short_of_breakaway_the_only_equilibrium_moves():
         machine.area_a**3 / machine.flow_coefficient**2
         + machine.area_b**3 / machine.flow_coefficient_b**2
     )
-    left = 4100.0 - throttle * speeds**2 - plant.friction_force(speeds, p)
+    left = 4100.0 - throttle * speeds**2 - friction.force(speeds, p.friction)
     crossings = speeds[1:][np.diff(np.sign(left)) != 0]
     assert len(crossings) == 1
     assert abs(crossings[0] - float(point.v)) < 2 * (speeds[1] - speeds[0])
@@ -406,15 +406,18 @@ def test_random_machines_with_dry_friction_rest_at_their_points_and_mirror(machi
     assert points.feasible[0] or points.reason[0]
     if points.feasible[0]:
         p = plant.parameters(machine)
-        rates = plant.rates(p_a, p_b, v, y, plant.effective_opening(x, p), machine.load_force, p)
-        flow, force = (
-            max(p.area_a, p.area_b) * abs(v) + p.leakage * p.supply_pressure,
-            p.area_a * p.supply_pressure,
+        rates = plant.rates(
+            p_a, p_b, v, y, valve.effective_opening(x, p.valve), machine.load_force, p
         )
-        stiff_a, stiff_b = plant.stiffnesses(y, p)
+        flow, force = (
+            max(p.chambers.area_a, p.chambers.area_b) * abs(v)
+            + p.chambers.leakage * p.supply.supply_pressure,
+            p.chambers.area_a * p.supply.supply_pressure,
+        )
+        stiff_a, stiff_b = chambers.stiffnesses(y, p.chambers)
         assert abs(rates[0]) <= 1e-11 * stiff_a * flow
         assert abs(rates[1]) <= 1e-11 * stiff_b * flow
-        assert abs(rates[2]) <= 1e-12 * force * p.inverse_mass
+        assert abs(rates[2]) <= 1e-12 * force * p.load.inverse_mass
         np.testing.assert_allclose(
             [other.p_b[0], other.p_a[0], -other.v[0]], [p_a, p_b, v], rtol=1e-8
         )

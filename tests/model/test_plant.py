@@ -5,7 +5,7 @@ import pytest
 from machines import DIFFERENTIAL, LOSSLESS, REFERENCE, mirrored
 
 import hydroctl as hc
-from hydroctl.model import plant
+from hydroctl.model import end_stops, friction, plant, spool, valve
 
 STEP = 1e-30
 
@@ -42,7 +42,11 @@ def test_the_jacobian_is_the_complex_step_derivative_entry_by_entry(actuator, x,
 def test_the_flow_turns_with_the_pressure_drop():
     p = plant.parameters(REFERENCE)
     above, below = REFERENCE.supply_pressure + 1e5, REFERENCE.supply_pressure - 1e5
-    assert plant.flow_gains(above, 1e7, 0.5, p)[0] == -plant.flow_gains(below, 1e7, 0.5, p)[0] < 0.0
+    assert (
+        valve.flow_gains(above, 1e7, 0.5, p.valve, p.supply)[0]
+        == -valve.flow_gains(below, 1e7, 0.5, p.valve, p.supply)[0]
+        < 0.0
+    )
 
 
 def test_within_tank_and_supply_the_rates_are_the_equations_of_the_paper():
@@ -106,25 +110,29 @@ REAL = DIFFERENTIAL.replace(
 def test_every_added_effect_vanishes_exactly_with_its_parameter():
     bare, p = REFERENCE.parameters(), plant.parameters(REFERENCE)
     v, y = np.linspace(-0.3, 0.3, 13), np.linspace(-0.1, 0.6, 13)
-    assert (plant.friction_force(v, p) == bare["viscous_friction"] * v).all()
-    assert (plant.friction_slope(v, p) == bare["viscous_friction"]).all()
-    assert (plant.end_stop_force(y, v, p) == 0.0).all()
-    assert (plant.effective_opening(np.linspace(-1, 1, 13), p) == np.linspace(-1, 1, 13)).all()
-    assert p.valve_natural_frequency == 0.0
+    assert (friction.force(v, p.friction) == bare["viscous_friction"] * v).all()
+    assert (friction.slope(v, p.friction) == bare["viscous_friction"]).all()
+    assert (end_stops.force(y, v, p.end_stops) == 0.0).all()
+    assert (
+        valve.effective_opening(np.linspace(-1, 1, 13), p.valve) == np.linspace(-1, 1, 13)
+    ).all()
+    assert p.spool.valve_natural_frequency == 0.0
 
 
 def test_friction_opposes_the_motion_and_has_its_breakaway_coulomb_and_viscous_parts():
     p = plant.parameters(REAL)
     v = np.array([1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0])
-    assert (plant.friction_force(-v, p) == -plant.friction_force(v, p)).all()
-    assert (plant.friction_force(v, p) > 0).all()
-    dry = plant.friction_force(v, p) - REAL.viscous_friction * v
+    assert (friction.force(-v, p.friction) == -friction.force(v, p.friction)).all()
+    assert (friction.force(v, p.friction) > 0).all()
+    dry = friction.force(v, p.friction) - REAL.viscous_friction * v
     assert dry.max() <= REAL.breakaway_friction
     # at 10 m/s the Lorentzian is (v_s/v)^2 = 4e-6 of 400 N, the sign factor 5e-9 short of 1, the
     # subtraction loses 1e-11
     np.testing.assert_allclose(dry[-1], 600.0, rtol=3e-6)
     sharp = plant.parameters(REAL.replace(creep_speed=1e-9))
-    np.testing.assert_allclose(plant.friction_force(0.02, sharp) - 4000.0 * 0.02, 800.0, rtol=1e-12)
+    np.testing.assert_allclose(
+        friction.force(0.02, sharp.friction) - 4000.0 * 0.02, 800.0, rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5])
@@ -132,16 +140,16 @@ def test_a_piston_held_by_dry_friction_creeps_at_the_stated_speed(share):
     machine = REAL.replace(viscous_friction=0.0, breakaway_friction=600.0)
     creep = machine.creep_speed * share / np.sqrt(1 - share**2)
     np.testing.assert_allclose(
-        plant.friction_force(creep, plant.parameters(machine)), share * 600.0, rtol=1e-12
+        friction.force(creep, plant.parameters(machine).friction), share * 600.0, rtol=1e-12
     )
 
 
 @pytest.mark.parametrize("v", [-0.3, -2e-3, 0.0, 5e-4, 0.02, 0.5])
 def test_the_friction_slope_is_the_complex_step_derivative(v):
     p = plant.parameters(REAL)
-    step = np.imag(plant.friction_force(np.complex128(v + 1j * STEP), p)) / STEP
-    largest = p.breakaway_friction / p.creep_speed
-    assert abs(plant.friction_slope(v, p) - step) <= 1e-14 * largest
+    step = np.imag(friction.force(np.complex128(v + 1j * STEP), p.friction)) / STEP
+    largest = p.friction.breakaway_friction / p.friction.creep_speed
+    assert abs(friction.slope(v, p.friction) - step) <= 1e-14 * largest
 
 
 def test_the_jacobian_includes_the_slope_of_the_friction_law():
@@ -158,7 +166,10 @@ def test_the_jacobian_includes_the_slope_of_the_friction_law():
 def test_end_stops_only_push_are_continuous_at_contact_and_take_energy():
     p = plant.parameters(REAL)
     depth, v = np.linspace(-0.01, 0.01, 41)[:, None], np.linspace(-2.0, 2.0, 41)
-    lower, upper = plant.end_stop_force(-depth, v, p), plant.end_stop_force(1.0 + depth, v, p)
+    lower, upper = (
+        end_stops.force(-depth, v, p.end_stops),
+        end_stops.force(1.0 + depth, v, p.end_stops),
+    )
     assert (lower >= 0).all()
     assert (upper <= 0).all()
     assert (lower[depth[:, 0] <= 0] == 0).all()
@@ -166,20 +177,24 @@ def test_end_stops_only_push_are_continuous_at_contact_and_take_energy():
         upper, -lower[:, ::-1], rtol=0, atol=1e-6 * np.abs(lower).max()
     )  # 1 + depth rounds depth
     approach, departure = (
-        plant.end_stop_force(-0.001, -0.2, p),
-        plant.end_stop_force(-0.001, 0.2, p),
+        end_stops.force(-0.001, -0.2, p.end_stops),
+        end_stops.force(-0.001, 0.2, p.end_stops),
     )
-    assert approach > p.end_stop_stiffness * 0.001 > departure > 0
-    assert plant.end_stop_force(-0.001, 5.0, p) == 0.0
+    assert approach > p.end_stops.end_stop_stiffness * 0.001 > departure > 0
+    assert end_stops.force(-0.001, 5.0, p.end_stops) == 0.0
 
 
 def test_the_dead_band_closes_the_valve_and_full_command_still_opens_it_fully():
     p = plant.parameters(REAL)
     x = np.array([-1.2, -1.0, -0.525, -0.05, -0.02, 0.0, 0.05, 0.525, 1.0])
     np.testing.assert_allclose(
-        plant.effective_opening(x, p), [-1, -1, -0.5, 0, 0, 0, 0, 0.5, 1], atol=1e-15
+        valve.effective_opening(x, p.valve), [-1, -1, -0.5, 0, 0, 0, 0, 0.5, 1], atol=1e-15
     )
-    assert plant.opening_slope(np.array([-0.6, 0.02, 1.0]), p).tolist() == [1 / 0.95, 0.0, 1 / 0.95]
+    assert valve.opening_slope(np.array([-0.6, 0.02, 1.0]), p.valve).tolist() == [
+        1 / 0.95,
+        0.0,
+        1 / 0.95,
+    ]
 
 
 def _spool(actuator, command, t):
@@ -187,7 +202,7 @@ def _spool(actuator, command, t):
 
     p = plant.parameters(actuator)
     return solve_ivp(
-        lambda t, s: plant.valve_rates(*s, command, p),
+        lambda t, s: spool.rates(*s, command, p.spool),
         (0, t[-1]),
         [0, 0],
         t_eval=t,
@@ -212,16 +227,21 @@ def test_the_rate_limit_bounds_the_spool_speed_and_commands_saturate():
 
 
 def test_compiled_the_same_lines_give_the_same_numbers():
-    from hydroctl.simulation.kernels.builds import motion_build
+    from hydroctl.simulation.kernels.builds import ALL_COMPONENTS, motion_build
 
-    compiled = motion_build("full").plant
+    compiled = motion_build(ALL_COMPONENTS).motion
     p = plant.parameters(REAL)
     for state in ((8e6, 1.1e7, 0.12, 1.0005, -0.3, 1e3), (2e5, 2.2e7, -3e-4, -0.001, 0.7, 0.0)):
         np.testing.assert_allclose(
-            compiled.rates(*state, p), [float(rate) for rate in plant.rates(*state, p)], rtol=1e-13
+            compiled.plant.rates(*state, p),
+            [float(rate) for rate in plant.rates(*state, p)],
+            rtol=1e-13,
         )
     for x in (-0.3, 0.02, 1.1):
         np.testing.assert_allclose(
-            compiled.valve_rates(x, 2.0, -0.4, p), plant.valve_rates(x, 2.0, -0.4, p), rtol=1e-13
+            compiled.spool.rates(x, 2.0, -0.4, p.spool),
+            spool.rates(x, 2.0, -0.4, p.spool),
+            rtol=1e-13,
         )
-        assert compiled.effective_opening(x, p) == plant.effective_opening(x, p)
+        opening = compiled.valve.effective_opening(x, p.valve)
+        assert opening == valve.effective_opening(x, p.valve)

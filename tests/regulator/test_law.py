@@ -9,7 +9,7 @@ from scipy import signal
 from hydroctl import load_actuator
 from hydroctl.compilation.scalar import tan
 from hydroctl.errors import InputError
-from hydroctl.model import plant
+from hydroctl.model import plant, valve
 from hydroctl.regulator import compensation, inverse, law
 from hydroctl.regulator.prepared import regulator_of
 from hydroctl.simulation.kernels.builds import law_build
@@ -201,8 +201,8 @@ def test_the_inverse_lets_a_dead_band_pass_nearly_what_is_asked(share):
     assert (np.diff(x) > 0.0).all()
     assert x == pytest.approx(-x[::-1], abs=1e-15)
     assert (x[0], x[1000], x[-1]) == pytest.approx((-1.0, 0.0, 1.0), abs=1e-15)
-    passed = plant.effective_opening(x, plant.parameters(machine))
-    bare = plant.effective_opening(w, plant.parameters(machine))
+    passed = valve.effective_opening(x, plant.parameters(machine).valve)
+    bare = valve.effective_opening(w, plant.parameters(machine).valve)
     assert np.abs(passed - w).max() < 0.7 * np.abs(bare - w).max()
 
 

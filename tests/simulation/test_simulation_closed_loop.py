@@ -14,7 +14,14 @@ from hydroctl.errors import InputError, SimulationError
 from hydroctl.model import plant
 from hydroctl.regulator.prepared import regulator_of
 from hydroctl.simulation import Scenario, Sensors, rest_state, simulate_closed_loop
-from hydroctl.simulation.kernels.builds import Loop, law_build, loop_for, motion_build, motion_for
+from hydroctl.simulation.kernels.builds import (
+    ALL_COMPONENTS,
+    Loop,
+    law_build,
+    loop_for,
+    motion_build,
+    motion_for,
+)
 from hydroctl.simulation.modes import fastest_mode, substeps
 from hydroctl.validation import tracking_scenarios
 
@@ -203,7 +210,8 @@ def test_leaving_out_absent_effects_changes_no_bit():
     outs = []
     regulator = regulator_of(schedule().regulator)
     full, plain = (
-        Loop(motion_build(build), law_build("notched"), "notched") for build in ("full", "plain")
+        Loop(motion_build(components), law_build("notched"), "notched")
+        for components in (ALL_COMPONENTS, frozenset())
     )
     for kernels in (full, plain):
         out = np.empty((7, asked.reference.size))
@@ -220,8 +228,8 @@ def test_leaving_out_absent_effects_changes_no_bit():
         )
         outs.append(out)
     assert np.array_equal(*outs)
-    assert motion_for(ACTUATOR) is motion_build("plain")
-    assert motion_for(ACTUATOR.replace(dead_band=0.01)) is motion_build("full")
+    assert motion_for(ACTUATOR) is motion_build(frozenset())
+    assert motion_for(ACTUATOR.replace(dead_band=0.01)) is motion_build(frozenset({"valve"}))
     assert loop_for(ACTUATOR, regulator).law is law_build("notched")
 
 

@@ -10,7 +10,7 @@ from loops import accurate_hold
 
 import hydroctl as hc
 from hydroctl.errors import InputError, SimulationError
-from hydroctl.model import plant
+from hydroctl.model import chambers, plant, valve
 from hydroctl.simulation import State, rest_state, simulate
 from hydroctl.simulation.trajectory import require_motion
 
@@ -169,18 +169,23 @@ def test_energy_balance_closes():
     x, load = np.where(t < 0.3, 0.6, -0.4), 1e5
     r = simulate(actuator, t, x, load_force=load, rtol=1e-11)
     p = plant.parameters(actuator)
-    gain_a, gain_b = plant.flow_gains(r.p_a, r.p_b, x, p)
+    gain_a, gain_b = valve.flow_gains(r.p_a, r.p_b, x, p.valve, p.supply)
     ports = r.p_a * gain_a * x + r.p_b * gain_b * x
-    leak = p.leakage * (r.p_a - r.p_b) ** 2
-    stiff_a, stiff_b = plant.stiffnesses(r.y, p)
+    leak = p.chambers.leakage * (r.p_a - r.p_b) ** 2
+    stiff_a, stiff_b = chambers.stiffnesses(r.y, p.chambers)
     dp_a, dp_b, dv = plant.rates(r.p_a, r.p_b, r.v, r.y, x, load, p)
     stored = r.p_a * dp_a / stiff_a + r.p_b * dp_b / stiff_b + actuator.mass * r.v * dv
-    out = load * r.v + p.viscous_friction * r.v**2
+    out = load * r.v + p.friction.viscous_friction * r.v**2
     assert np.abs(ports - leak - stored - out).max() <= 1e-12 * np.abs(ports).max()
     moving = t <= 0.3 - 1e-9
     kinetic = 0.5 * actuator.mass * r.v[moving][-1] ** 2
     work = np.trapezoid(
-        (p.area_a * r.p_a - p.area_b * r.p_b - load - p.viscous_friction * r.v)[moving]
+        (
+            p.chambers.area_a * r.p_a
+            - p.chambers.area_b * r.p_b
+            - load
+            - p.friction.viscous_friction * r.v
+        )[moving]
         * r.v[moving],
         t[moving],
     )

@@ -7,7 +7,7 @@ from loops import accurate_hold
 import hydroctl as hc
 from hydroctl.model import plant
 from hydroctl.simulation import rest_state, simulate
-from hydroctl.simulation.kernels.builds import motion_build
+from hydroctl.simulation.kernels.builds import ALL_COMPONENTS, motion_build
 from hydroctl.simulation.modes import fastest_mode, is_stiff
 
 ACTUATOR = hc.load_actuator("reference")
@@ -28,7 +28,7 @@ def test_rodas4_converges_with_order_four_and_its_dense_output_with_three():
     """Halving the step divides the error by 16 at the end and, to leading order, by 8 within a
     step."""
     actuator = ACTUATOR.replace(leakage=1e-10)
-    p, rodas = plant.parameters(actuator), motion_build("full").stiff.method
+    p, rodas = plant.parameters(actuator), motion_build(ALL_COMPONENTS).stiff.method
     start, span = (*rest_state(actuator, 0.2)[:4], 0.3, 0.0), 4e-3
     exact = accurate_hold(actuator, start, 0.3, 0.0, span)
     size = np.ptp([start[:4], exact[:4]], axis=0)

@@ -11,7 +11,7 @@ from __future__ import annotations
 from math import inf, nan
 
 from . import dormand_prince as method
-from .motion import sizes, told
+from .motion import commanded, sizes
 
 _SAFETY, _SHRINK, _GROW = 0.85, 0.2, 5.0
 _SMALLEST = 1e-13
@@ -106,8 +106,8 @@ def integrate(t, x, load, initial, p, rtol, most_steps, out):
     Starts anew where x or the load changes. Returns (number of steps, time reached); the time is
     below t[-1] where the step length or `most_steps` ran out.
     """
-    scales, ideal = _small_sizes(p), p.valve_natural_frequency == 0.0
-    z = told(initial, x[0], p)
+    scales, ideal = _small_sizes(p), p.spool.valve_natural_frequency == 0.0
+    z = commanded(initial, x[0], p)
     out[0, 0], out[1, 0], out[2, 0], out[3, 0], out[4, 0], out[5, 0] = z
     steps, segment, h, growth = 0, 0, t[-1] - t[0], 1.0
     while segment < t.size - 1:
@@ -115,7 +115,7 @@ def integrate(t, x, load, initial, p, rtol, most_steps, out):
         while end < t.size - 1 and x[end] == x[segment] and load[end] == load[segment]:
             end += 1
         now, written, command, force = t[segment], segment + 1, x[segment], load[segment]
-        z = told(z, command, p)
+        z = commanded(z, command, p)
         start = method.begin(z, command, force, p)
         while now < t[end]:
             final = now + 1.01 * h >= t[end]

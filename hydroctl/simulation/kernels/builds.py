@@ -1,8 +1,8 @@
 """The plant, its motion, its integration and the regulator law as compiled modules.
 
-The modules of a `Motion` and of a `Loop` are compiled from the modules of these names. There are
-builds for machines without the effects in `absent`, and for schedules without structures that have
-an `absent` version.
+The modules of a `Motion` and of a `Loop` are compiled from the modules of these names. There is a
+build for each set of optional components that a machine has, and for schedules without structures
+that have an `absent_step`.
 """
 
 from __future__ import annotations
@@ -12,14 +12,13 @@ from functools import cache
 from types import ModuleType
 
 from ...compilation import scalar
-from ...compilation.compiling import LOCK, compiled, functions
+from ...compilation.compiling import LOCK, compiled, compiled_tree, functions
 from ...machine.actuator import Actuator
 from ...model import plant as _plant
 from ...regulator import law as _law
 from ...regulator import notch as _notch
 from ...regulator.law import Regulator
 from .. import sensing as _sensing
-from . import absent as _absent
 from . import adaptive as _adaptive
 from . import careful as _careful
 from . import dormand_prince as _dormand_prince
@@ -30,16 +29,25 @@ from . import rodas as _rodas
 from . import runge_kutta as _runge_kutta
 from . import sampled as _sampled
 
+ALL_COMPONENTS = frozenset(one.__name__.rpartition(".")[2] for one in _plant.OPTIONAL)
+"""Names of the optional ones."""
+
 
 class Motion:
-    """The compiled modules of one machine build: `plant`, `motion`, `runge_kutta`, `careful`, and
-    `adaptive` and `stiff`, which step by Dormand and Prince and by Rodas4.
-    """
+    """The compiled modules of machines with the same components: `motion` and `model`,
+    `runge_kutta`, `careful`, and `adaptive` and `stiff`, which step by Dormand and Prince and by
+    Rodas4."""
 
-    def __init__(self, build: str, **replaced):
-        self.build = build
-        self.plant = compiled(_plant, build, signed_root=scalar.signed_root, **replaced)
-        self.motion = compiled(_motion, build, plant=self.plant, **replaced)
+    def __init__(self, components: frozenset[str]):
+        self.build = build = "_".join(sorted(components)) or "plain"
+        left_out = ALL_COMPONENTS - components
+        made: dict[str, ModuleType] = {}
+        self.motion = compiled_tree(
+            _motion, build, _plant.__package__, left_out, made, signed_root=scalar.signed_root
+        )
+        self.model = {name.rpartition(".")[2]: module for name, module in made.items()}
+        if "spool" in left_out:
+            self.motion.plus = self.motion.plus_of_an_ideal_valve
         field = functions(self.motion)
         self.runge_kutta = compiled(_runge_kutta, build, **field)
         self.adaptive = compiled(
@@ -72,15 +80,16 @@ class Loop:
             "careful": motion.careful,
         }
         modules |= {"adaptive": motion.adaptive, "sensing": compiled(_sensing, "sensing")}
+        modules |= motion.model
         self.sampled = compiled(_sampled, f"{motion.build}_{build}", **modules)
         self.lanes = compiled(_lanes, f"{motion.build}_{build}", **modules)
         self.group = compiled(_group, f"{motion.build}_{build}", **modules)
 
 
 @cache
-def motion_build(build: str) -> Motion:
-    """ "full", or "plain" for machines without the effects in `absent`."""
-    return Motion(build, **({} if build == "full" else functions(compiled(_absent, "absent"))))
+def motion_build(components: frozenset[str]) -> Motion:
+    """The kernels of machines that have these of the plant's optional components."""
+    return Motion(components)
 
 
 @cache
@@ -90,35 +99,23 @@ def law_build(build: str) -> ModuleType:
     left_out = {
         name
         for name, module in vars(_law).items()
-        if hasattr(module, "absent") and build != "full" and (name, build) != ("notch", "notched")
+        if hasattr(module, "absent_step")
+        and build != "full"
+        and (name, build) != ("notch", "notched")
     }
-    return _law_module(_law, f"law_{build}", left_out)
-
-
-def _law_module(module: ModuleType, build: str, left_out: set[str]) -> ModuleType:
-    """`module` compiled, with the modules of the law that it calls; `step` of those in `left_out`
-    is their `absent`."""
-    called = {
-        name: _law_module(value, build, left_out)
-        for name, value in vars(module).items()
-        if isinstance(value, ModuleType) and value.__name__.startswith(f"{_law.__package__}.")
-    }
-    result = compiled(module, build, **called)
-    if module.__name__.rpartition(".")[2] in left_out:
-        result.step = result.absent
-    return result
+    return compiled_tree(_law, f"law_{build}", _law.__package__, left_out)
 
 
 @cache
-def _loop(motion: str, law: str) -> Loop:
-    return Loop(motion_build(motion), law_build(law), law)
+def _loop(components: frozenset[str], law: str) -> Loop:
+    return Loop(motion_build(components), law_build(law), law)
 
 
 def motion_for(actuator: Actuator) -> Motion:
     """The kernels that integrate `actuator`: without the lines of effects that it does not have,
     where it has none of them."""
     with LOCK:
-        return motion_build(_motion_name([actuator]))
+        return motion_build(_components([actuator]))
 
 
 def loop_for(actuator: Actuator, regulator: Regulator) -> Loop:
@@ -130,20 +127,17 @@ def loop_for_group(actuators: Sequence[Actuator], regulators: Sequence[Regulator
     """The kernels that run these regulators on these actuators, without the lines of what none of
     them uses."""
     with LOCK:
-        return _loop(_motion_name(actuators), _law_name(regulators))
+        return _loop(_components(actuators), _law_name(regulators))
 
 
-def _motion_name(actuators: Sequence[Actuator]) -> str:
-    p = [_plant.parameters(actuator) for actuator in actuators]
-    effects = [
-        (q.breakaway_friction, q.end_stop_stiffness, q.valve_natural_frequency, q.dead_band)
-        for q in p
-    ]
-    return "full" if any(map(any, effects)) else "plain"
+def _components(actuators: Sequence[Actuator]) -> frozenset[str]:
+    """Those that any of the machines has."""
+    used = (_plant.components_used(_plant.parameters(actuator)) for actuator in actuators)
+    return frozenset().union(*used)
 
 
 def _law_name(regulators: Sequence[Regulator]) -> str:
-    structures = [s for s in _law.STRUCTURES if hasattr(s, "absent") and s is not _notch]
+    structures = [s for s in _law.STRUCTURES if hasattr(s, "absent_step") and s is not _notch]
     used = [[structure.is_used(r) for structure in structures] for r in regulators]
     if any(map(any, used)):
         return "full"

@@ -22,7 +22,14 @@ from math import inf, nan
 
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
+from ...model.chambers import Chambers
+from ...model.end_stops import EndStops
+from ...model.friction import Friction
+from ...model.load import Load
 from ...model.plant import Parameters
+from ...model.spool import Spool
+from ...model.supply import Supply
+from ...model.valve import Valve
 from ...regulator import law
 from ...regulator.compensation import Compensation
 from ...regulator.law import AT_REST, Regulator
@@ -35,6 +42,10 @@ SOUND, SENSOR, VALVE = 0, 1, 2
 Y, X, COMMAND, TARGET = 3, 5, 6, 7
 REFERENCE, V_REF, RATE = 0, 1, 2
 _ARRAYS = ("x", "x_slope", "y", "y_slope", "table", "limits", "sections", "compensation")
+_CHAMBERS, _SUPPLY, _VALVE, _SPOOL = (
+    len(kind._fields) for kind in (Chambers, Supply, Valve, Spool)
+)
+_FRICTION, _END_STOPS, _LOAD = (len(kind._fields) for kind in (Friction, EndStops, Load))
 NUMBERS = tuple(name for name in Regulator._fields if name not in _ARRAYS)
 """The fields of a regulator that are single numbers, in the order of their table."""
 
@@ -77,6 +88,20 @@ def regulator_at(i, tables):
         compensation=Compensation(*to_fixed_tuple(compensation[i], 13)),
         inverse_depth=depth,
         inverse_width=width,
+    )
+
+
+def machine_at(i, tables):
+    """The plant's parameters of machine i from the tables of all, one for each component."""
+    chambers, supply, valve, spool, friction, end_stops, load = tables
+    return Parameters(
+        Chambers(*to_fixed_tuple(chambers[i], _CHAMBERS)),
+        Supply(*to_fixed_tuple(supply[i], _SUPPLY)),
+        Valve(*to_fixed_tuple(valve[i], _VALVE)),
+        Spool(*to_fixed_tuple(spool[i], _SPOOL)),
+        Friction(*to_fixed_tuple(friction[i], _FRICTION)),
+        EndStops(*to_fixed_tuple(end_stops[i], _END_STOPS)),
+        Load(*to_fixed_tuple(load[i], _LOAD)),
     )
 
 
@@ -146,8 +171,8 @@ def couple(reference, seen, coupling, integrals, differences, offsets):
         offsets[i] = kp * differences[i] + integrals[i]
 
 
-def told(i, k, stopped, failure, delay, out):
-    """The commands that valve i is told in sample k, before and after its new one acts."""
+def commands(i, k, stopped, failure, delay, out):
+    """The commands that valve i gets in sample k, before and after its new one acts."""
     faulty, since, kind = failure
     if i == faulty and kind == VALVE and k >= since:
         held = 0.0 if stopped >= 0 or since == 0 else out[i, X, since - 1]
@@ -166,13 +191,13 @@ def run(
     states (N, 6): where the cylinders start, then where they are one sample after the last; path
     (3, m): position, speed and the ceiling; load (N, n) in N; override = (free, span, T, least);
     stop = (distance, allowed); coupling = (M, kp, ki); failure = (cylinder, sample, kind); tables:
-    a row for each regulator; machines (N, 23): the plants' parameters. The run ends with the path,
-    or after n samples.
+    a row for each regulator; machines: a table (N, ...) for each component of the plants. The run
+    ends with the path, or after n samples.
     """
     count, samples = load.shape
     faulty, since, kind = failure
     regulators = [regulator_at(i, tables) for i in range(count)]
-    plants = [Parameters(*to_fixed_tuple(machines[i], 23)) for i in range(count)]
+    plants = [machine_at(i, machines) for i in range(count)]
     memories = [AT_REST for _ in range(count)]
     seen, differences, integrals, offsets = (
         states[:, Y].copy(),
@@ -201,13 +226,13 @@ def run(
             )
             out[i, TARGET, k], out[i, COMMAND, k] = target, memories[i].x
             open_wide = max(open_wide, abs(memories[i].x))
-            x = told(i, k, stopped, failure, regulators[i].delay_samples, out)
-            z = motion.told(z, x[1] if parts[i][0][0] == 0 else x[0], plants[i])
+            x = commands(i, k, stopped, failure, regulators[i].delay_samples, out)
+            z = motion.commanded(z, x[1] if parts[i][0][0] == 0 else x[0], plants[i])
             out[i, 0, k], out[i, 1, k], out[i, 2, k], out[i, Y, k], out[i, 4, k], _ = z
             out[i, X, k] = x[1]
             for part in range(2):
                 steps, h = parts[i][part]
-                z = motion.told(z, x[part], plants[i])
+                z = motion.commanded(z, x[part], plants[i])
                 for _ in range(steps):
                     z = careful.step(z, x[part], load[i, k], plants[i], h)
             states[i, 0], states[i, 1], states[i, 2], states[i, 3], states[i, 4], states[i, 5] = z

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from math import inf
 
+from ...model import chambers, friction, supply
+from ...model.load import Load
 from ...model.plant import Parameters
 from ...regulator import feed_forward, gains, law
 from .. import sensing
@@ -70,29 +72,13 @@ ROWS = FIRST_SUM + len(SUMS)
 def _varied(w, i, p):
     """The parameters of lane i: its own where they vary."""
     return Parameters(
-        p.area_a,
-        p.area_b,
-        p.volume_a,
-        p.volume_b,
-        w[BULK + i],
-        p.leakage,
-        p.flow_coefficient_a,
-        p.flow_coefficient_b,
-        w[SUPPLY + i],
-        p.tank_pressure,
-        w[INVERSE_MASS + i],
-        w[VISCOUS + i],
-        p.coulomb_friction,
-        p.breakaway_friction,
-        p.stribeck_speed,
-        p.creep_speed,
-        p.stroke,
-        p.end_stop_stiffness,
-        p.end_stop_damping,
-        p.valve_natural_frequency,
-        p.valve_damping,
-        p.valve_rate_limit,
-        p.dead_band,
+        chambers=chambers.with_bulk_modulus(p.chambers, w[BULK + i]),
+        supply=supply.with_pressure(p.supply, w[SUPPLY + i]),
+        valve=p.valve,
+        spool=p.spool,
+        friction=friction.with_viscous_friction(p.friction, w[VISCOUS + i]),
+        end_stops=p.end_stops,
+        load=Load(w[INVERSE_MASS + i]),
     )
 
 
@@ -208,7 +194,7 @@ def _measure(w, k, first, late, measured, reference, target, p, Ts):
         lowest, highest = min(w[P_A + i], w[P_B + i]), max(w[P_A + i], w[P_B + i])
         w[PEAK + i] = max(w[PEAK + i], highest)
         w[LOWEST + i] = min(w[LOWEST + i], lowest)
-        w[CAVITATION + i] += Ts if lowest < p.tank_pressure - 1e-9 * w[SUPPLY + i] else 0.0
+        w[CAVITATION + i] += Ts if lowest < p.supply.tank_pressure - 1e-9 * w[SUPPLY + i] else 0.0
         w[LEAST_Y + i] = min(w[LEAST_Y + i], w[Y + i])
         w[MOST_Y + i] = max(w[MOST_Y + i], w[Y + i])
     if k >= first:
@@ -304,7 +290,7 @@ def _advance(w, queue, told, load, p, substeps, h):
     for i in range(LANES):
         w[TOLD + i] = queue[told, i]
     for i in range(LANES):
-        w[SPOOL + i] = motion.told(_state(w, P_A + i), w[TOLD + i], p)[4]
+        w[SPOOL + i] = motion.commanded(_state(w, P_A + i), w[TOLD + i], p)[4]
     for _ in range(substeps):
         _step(w, load, p, h)
         bent = 0

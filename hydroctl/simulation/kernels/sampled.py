@@ -34,12 +34,12 @@ def run(initial, reference, v_ref, load, sensors, regulator, p, substeps, out):
             out[6, k - delay - 1] if k > delay else 0.0,
             out[6, k - delay] if k >= delay else 0.0,
         )
-        z = motion.told(z, told[1] if parts[0][0] == 0 else told[0], p)
+        z = motion.commanded(z, told[1] if parts[0][0] == 0 else told[0], p)
         out[0, k], out[1, k], out[2, k], out[3, k], out[4, k], _ = z
         out[5, k] = told[1]
         for part in range(2):
             count, h = parts[part]
-            z = motion.told(z, told[part], p)
+            z = motion.commanded(z, told[part], p)
             for _ in range(count):
                 z = careful.step(z, told[part], load[k], p, h)
     return z, faults

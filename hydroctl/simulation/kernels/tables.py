@@ -31,9 +31,10 @@ def regulator_tables(regulators: Sequence[Regulator]) -> tuple[np.ndarray, ...]:
     )
 
 
-def machine_table(actuators: Sequence[Actuator]) -> np.ndarray:
-    """(N, 23) the plants' parameters."""
-    return np.array([plant.parameters(actuator) for actuator in actuators])
+def machine_tables(actuators: Sequence[Actuator]) -> tuple[np.ndarray, ...]:
+    """The tables of `group.machine_at`, one for each component, with a row for each machine."""
+    machines = [plant.parameters(actuator) for actuator in actuators]
+    return tuple(np.array(rows, dtype=float) for rows in zip(*machines, strict=True))
 
 
 def _continued(array: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
