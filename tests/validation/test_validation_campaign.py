@@ -303,8 +303,8 @@ reference = np.array([0.0, 0.01, 0.01, 0.01])
 asked = hc.Scenario(name="short", loop="velocity", Ts=1e-3, y=0.25, reference=reference)
 peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 for count in (4096, {count}):
-    common = {"seed": 1, "scenarios": [asked], "substeps": 1}
-    result = hc.campaign(hc.load_actuator("reference"), schedule(), count=count, **common)
+    common = dict(count=count, seed=1, scenarios=[asked], substeps=1)
+    result = hc.campaign(hc.load_actuator("reference"), schedule(), **common)
     print(peak(), int(result.failed.sum()), result.count)
 """
     lines = subprocess.run(
