@@ -56,12 +56,16 @@ SETTINGS = {
     "y_slope": "[1/m] 1/(distance to the next node), 0 at the last",
     "table": "(nx, ny, 4): kp, ki, kd, notch frequency",
     "limits": "[1] lowest and highest node that x[k-1] < 0 may use, then the same for x[k-1] >= 0",
-    "position": "True: y is controlled, False: v is",
+    "position": "whether y is controlled, else v",
     "Ts": "[s] sample time",
     "shaped": "whether there is a notch or a section, so that wn is needed",
     "delay_samples": "whole samples from the measurement to the valve command",
     "delay_fraction": "the rest of that delay in samples, 0 <= delay_fraction < 1",
 } | {name: text for structure in STRUCTURES for name, text in structure.SETTINGS.items()}
+FLAGS = tuple(name for name, text in SETTINGS.items() if text.startswith("whether"))
+"""The settings that are true or false."""
+COUNTS = ("delay_samples",)
+"""The settings that are whole numbers."""
 
 Regulator = namedtuple("Regulator", SETTINGS, module=__name__)  # type: ignore[misc]
 """A gain schedule as the law reads it: `SETTINGS`."""

@@ -22,6 +22,7 @@ from math import inf, nan
 
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
+from ...compilation.written_out import maker
 from ...model.chambers import Chambers
 from ...model.end_stops import EndStops
 from ...model.friction import Friction
@@ -32,7 +33,7 @@ from ...model.supply import Supply
 from ...model.valve import Valve
 from ...regulator import law
 from ...regulator.compensation import Compensation
-from ...regulator.law import AT_REST, Regulator
+from ...regulator.law import AT_REST, COUNTS, FLAGS, Regulator
 from . import careful, motion
 
 ROWS = ("p_a", "p_b", "v", "y", "spool", "x", "command", "target")
@@ -41,68 +42,55 @@ SOUND, SENSOR, VALVE = 0, 1, 2
 """What fails in the cylinder that fails: nothing, the sensor of its position, its valve."""
 Y, X, COMMAND, TARGET = 3, 5, 6, 7
 REFERENCE, V_REF, RATE = 0, 1, 2
-_ARRAYS = ("x", "x_slope", "y", "y_slope", "table", "limits", "sections", "compensation")
-_CHAMBERS, _SUPPLY, _VALVE, _SPOOL = (
-    len(kind._fields) for kind in (Chambers, Supply, Valve, Spool)
+ARRAYS = ("x", "x_slope", "y", "y_slope", "table", "limits", "sections", "compensation")
+"""The fields of a regulator that have tables of their own, in this order; the last table holds
+those that are single numbers."""
+NUMBERS = tuple(name for name in Regulator._fields if name not in ARRAYS)
+_COMPONENTS = {
+    "chambers": Chambers,
+    "supply": Supply,
+    "valve": Valve,
+    "spool": Spool,
+    "friction": Friction,
+    "end_stops": EndStops,
+    "load": Load,
+}
+_PAIRS = "(to_fixed_tuple(tables[{0}][i, 0], 2), to_fixed_tuple(tables[{0}][i, 1], 2))"
+
+
+def _row(kind, table: int) -> str:
+    """A record of numbers from row i of a table."""
+    return f"{kind.__name__}(*to_fixed_tuple(tables[{table}][i], {len(kind._fields)}))"
+
+
+def _number(name: str) -> str:
+    text = f"tables[{len(ARRAYS)}][i, {NUMBERS.index(name)}]"
+    return f"{text} != 0.0" if name in FLAGS else f"int({text})" if name in COUNTS else text
+
+
+regulator_at = maker(
+    "regulator_at",
+    "i, tables",
+    Regulator,
+    {name: f"tables[{k}][i]" for k, name in enumerate(ARRAYS)}
+    | {name: _number(name) for name in NUMBERS}
+    | {
+        "sections": _PAIRS.format(ARRAYS.index("sections")),
+        "compensation": _row(Compensation, ARRAYS.index("compensation")),
+    },
+    to_fixed_tuple=to_fixed_tuple,
+    Compensation=Compensation,
+    __name__=__name__,
 )
-_FRICTION, _END_STOPS, _LOAD = (len(kind._fields) for kind in (Friction, EndStops, Load))
-NUMBERS = tuple(name for name in Regulator._fields if name not in _ARRAYS)
-"""The fields of a regulator that are single numbers, in the order of their table."""
-
-
-def regulator_at(i, tables):
-    """The regulator of cylinder i from the tables of all."""
-    x, x_slope, y, y_slope, table, limits, sections, compensation, numbers = tables
-    position, Ts, shaped, delay, part, Tf, b, c, integrates, derives, rate, zz, zp, Tm = (
-        to_fixed_tuple(numbers[i, :14], 14)
-    )
-    slope, offset, back, back_offset, compensated, depth, width = to_fixed_tuple(numbers[i, 14:], 7)
-    two = to_fixed_tuple(sections[i, 0], 2), to_fixed_tuple(sections[i, 1], 2)
-    return Regulator(
-        x=x[i],
-        x_slope=x_slope[i],
-        y=y[i],
-        y_slope=y_slope[i],
-        table=table[i],
-        limits=limits[i],
-        position=position != 0.0,
-        Ts=Ts,
-        shaped=shaped != 0.0,
-        delay_samples=int(delay),
-        delay_fraction=part,
-        Tf=Tf,
-        b=b,
-        c=c,
-        integrates=integrates != 0.0,
-        derives=derives != 0.0,
-        tracking_rate=rate,
-        sections=two,
-        zz=zz,
-        zp=zp,
-        Tm=Tm,
-        extend_slope=slope,
-        extend_offset=offset,
-        retract_slope=back,
-        retract_offset=back_offset,
-        compensated=compensated != 0.0,
-        compensation=Compensation(*to_fixed_tuple(compensation[i], 13)),
-        inverse_depth=depth,
-        inverse_width=width,
-    )
-
-
-def machine_at(i, tables):
-    """The plant's parameters of machine i from the tables of all, one for each component."""
-    chambers, supply, valve, spool, friction, end_stops, load = tables
-    return Parameters(
-        Chambers(*to_fixed_tuple(chambers[i], _CHAMBERS)),
-        Supply(*to_fixed_tuple(supply[i], _SUPPLY)),
-        Valve(*to_fixed_tuple(valve[i], _VALVE)),
-        Spool(*to_fixed_tuple(spool[i], _SPOOL)),
-        Friction(*to_fixed_tuple(friction[i], _FRICTION)),
-        EndStops(*to_fixed_tuple(end_stops[i], _END_STOPS)),
-        Load(*to_fixed_tuple(load[i], _LOAD)),
-    )
+machine_at = maker(
+    "machine_at",
+    "i, tables",
+    Parameters,
+    {name: _row(_COMPONENTS[name], k) for k, name in enumerate(Parameters._fields)},
+    to_fixed_tuple=to_fixed_tuple,
+    **{kind.__name__: kind for kind in _COMPONENTS.values()},
+    __name__=__name__,
+)
 
 
 def at(values, place):

@@ -9,12 +9,15 @@ goes. A fault of the regulator ends a case: its total variation is infinite from
 
 from __future__ import annotations
 
+from itertools import count
 from math import inf
 
+from ...compilation.written_out import keeper, maker
 from ...model import chambers, friction, supply
 from ...model.load import Load
 from ...model.plant import Parameters
 from ...regulator import feed_forward, gains, law
+from ...regulator.law import Memory
 from .. import sensing
 from . import adaptive, careful, motion, runge_kutta
 
@@ -43,30 +46,49 @@ SUMS = (
     "most_y",
 )
 """What is added up per case; the first nine concern the last step of the reference."""
-P_A, P_B, V, Y, SPOOL, SPOOL_RATE = (LANES * row for row in range(6))
-BULK, INVERSE_MASS, SUPPLY, VISCOUS, LOAD = (LANES * row for row in range(6, 11))
-INTEGRAL, DERIVATIVE, LAST, SECTION_1, SECTION_2, NOTCH_1, NOTCH_2, FILTERED, X, RUNNING = (
-    LANES * row for row in range(11, 21)
-)
-KP, KI, KD, WN, TOLD = (LANES * row for row in range(21, 26))
-SEEN_A, SEEN_B, SEEN_V, SEEN_Y = (LANES * row for row in range(26, 30))
-X_IN, Y_IN, BENT, X_FROM, X_TO, X_SLOPE, Y_FROM, Y_TO, Y_SLOPE = (
-    LANES * row for row in range(30, 39)
-)
+_rows = count()
+
+
+def _take(rows: int) -> tuple[int, ...]:
+    """Where the next rows of the buffer begin."""
+    return tuple(LANES * next(_rows) for _ in range(rows))
+
+
+P_A, P_B, V, Y, SPOOL, SPOOL_RATE = _take(6)
+BULK, INVERSE_MASS, SUPPLY, VISCOUS, LOAD = _take(len(VARIED))
+MEMORY = dict(zip(Memory._fields, _take(len(Memory._fields)), strict=True))
+"""where each field of the law's memory stands"""
+X = MEMORY["x"]
+KP, KI, KD, WN, COMMAND = _take(5)
+SEEN_A, SEEN_B, SEEN_V, SEEN_Y = _take(4)
+X_IN, Y_IN, BENT, X_FROM, X_TO, X_SLOPE, Y_FROM, Y_TO, Y_SLOPE = _take(9)
 """the table's cell of each lane: where in it, its bounds, 1/(its widths); and 1 where a step wants
 error control"""
-CORNERS = LANES * 39
-"""sixteen rows: four corners of each gain"""
-NEW, K1, K2, K3, K4, K5, K6, K7, K8 = (LANES * row for row in range(55, 109, 6))
-"""six rows each: the state after a substep, and the slopes in it"""
-FIRST_SUM = 109
-ROWS = FIRST_SUM + len(SUMS)
-(START, PER_STEP, RISE_10, RISE_90, OUTSIDE, MOST, LATE_LEAST, LATE_MOST, LATE_SUM) = (
-    LANES * row for row in range(FIRST_SUM, FIRST_SUM + 9)
+CORNERS, *_ = _take(4 * 4)
+"""four corners of each gain"""
+NEW, K1, K2, K3, K4, K5, K6, K7, K8 = (_take(6)[0] for _ in range(9))
+"""the state after a substep, and the slopes in it"""
+SUM = dict(zip(SUMS, _take(len(SUMS)), strict=True))
+"""where each sum stands"""
+START, PER_STEP, RISE_10, RISE_90 = (
+    SUM[name] for name in ("start", "per_step", "rise_10", "rise_90")
 )
-(IAE, ISE, LARGEST, PEAK, LOWEST, CAVITATION, VARIATION, SATURATION, LEAST_Y, MOST_Y) = (
-    LANES * row for row in range(FIRST_SUM + 9, ROWS)
+OUTSIDE, MOST, LATE_LEAST, LATE_MOST, LATE_SUM = (
+    SUM[name] for name in ("last_outside", "most", "late_least", "late_most", "late_sum")
 )
+IAE, ISE, LARGEST, PEAK, LOWEST = (
+    SUM[name] for name in ("iae", "ise", "largest_error", "peak_pressure", "lowest_pressure")
+)
+CAVITATION, VARIATION, SATURATION, LEAST_Y, MOST_Y = (
+    SUM[name]
+    for name in ("cavitation_time", "total_variation", "saturation_time", "least_y", "most_y")
+)
+FIRST_SUM = START
+ROWS = next(_rows)
+
+_PLACES = {name: f"w[{row} + i]" for name, row in MEMORY.items()}
+_memory = maker("_memory", "w, i", Memory, _PLACES, __name__=__name__)
+_keep = keeper("_keep", "w, i, memory", _PLACES, __name__=__name__)
 
 
 def _varied(w, i, p):
@@ -154,18 +176,7 @@ def _between(w, i, gain, fractions):
 def _regulate(w, seen, reference, forward, regulator):
     for i in range(LANES):
         scheduled = (w[KP + i], w[KI + i], w[KD + i], w[WN + i])
-        memory = law.Memory(
-            w[INTEGRAL + i],
-            w[DERIVATIVE + i],
-            w[LAST + i],
-            w[SECTION_1 + i],
-            w[SECTION_2 + i],
-            w[NOTCH_1 + i],
-            w[NOTCH_2 + i],
-            w[FILTERED + i],
-            w[X + i],
-            w[RUNNING + i],
-        )
+        memory = _memory(w, i)
         measured = (
             w[seen + i],
             w[seen + LANES + i],
@@ -175,10 +186,7 @@ def _regulate(w, seen, reference, forward, regulator):
         new = law.regulate(reference, forward, measured, scheduled, memory, regulator)
         sound = law.is_sound(reference, forward, measured, regulator) & law.is_finite(new)
         w[VARIATION + i] += abs(new.x - w[X + i]) if sound else inf
-        w[INTEGRAL + i], w[DERIVATIVE + i], w[LAST + i], w[SECTION_1 + i], w[SECTION_2 + i] = new[
-            :5
-        ]
-        w[NOTCH_1 + i], w[NOTCH_2 + i], w[FILTERED + i], w[X + i], w[RUNNING + i] = new[5:]
+        _keep(w, i, new)
 
 
 def _measure(w, k, first, late, measured, reference, target, p, Ts):
@@ -262,7 +270,7 @@ def run(
                     _advance(w, queue, (k + 1 + part) % past, load[k], p, count, h)
         for row in range(len(SUMS)):
             for i in range(LANES):
-                sums[row, block * LANES + i] = w[(FIRST_SUM + row) * LANES + i]
+                sums[row, block * LANES + i] = w[FIRST_SUM + row * LANES + i]
 
 
 def _load_block(w, cases, initial, block):
@@ -285,18 +293,18 @@ def _load_block(w, cases, initial, block):
         w[LATE_MOST + i], w[PEAK + i], w[MOST_Y + i] = -inf, -inf, -inf
 
 
-def _advance(w, queue, told, load, p, substeps, h):
-    """Substeps under the commands in the row `told` of the queue."""
+def _advance(w, queue, row, load, p, substeps, h):
+    """Substeps under the commands in a row of the queue."""
     for i in range(LANES):
-        w[TOLD + i] = queue[told, i]
+        w[COMMAND + i] = queue[row, i]
     for i in range(LANES):
-        w[SPOOL + i] = motion.commanded(_state(w, P_A + i), w[TOLD + i], p)[4]
+        w[SPOOL + i] = motion.commanded(_state(w, P_A + i), w[COMMAND + i], p)[4]
     for _ in range(substeps):
         _step(w, load, p, h)
         bent = 0
         for i in range(LANES):
             bends = motion.bends(
-                _state(w, P_A + i), _state(w, NEW + i), w[TOLD + i], _varied(w, i, p)
+                _state(w, P_A + i), _state(w, NEW + i), w[COMMAND + i], _varied(w, i, p)
             )
             w[BENT + i] = 1.0 if bends else 0.0
             bent += 1 if bends else 0
@@ -307,7 +315,11 @@ def _advance(w, queue, told, load, p, substeps, h):
                         w,
                         NEW + i,
                         adaptive.advance(
-                            _state(w, P_A + i), w[TOLD + i], load + w[LOAD + i], _varied(w, i, p), h
+                            _state(w, P_A + i),
+                            w[COMMAND + i],
+                            load + w[LOAD + i],
+                            _varied(w, i, p),
+                            h,
                         ),
                     )
         for i in range(LANES):
@@ -339,7 +351,7 @@ def _step(w, load, p, h):
 
 def _take_slope(w, k, i, z, load, p):
     """Put the slope of lane i at z into the rows k."""
-    _put(w, k + i, motion.slope(z, w[TOLD + i], load + w[LOAD + i], _varied(w, i, p)))
+    _put(w, k + i, motion.slope(z, w[COMMAND + i], load + w[LOAD + i], _varied(w, i, p)))
 
 
 def _slopes(w, i):

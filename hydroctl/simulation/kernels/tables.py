@@ -15,20 +15,22 @@ from ...regulator.law import Regulator
 def regulator_tables(regulators: Sequence[Regulator]) -> tuple[np.ndarray, ...]:
     """The tables of `group.regulator_at`. Axes that differ in length are continued by their last
     node, which no lookup passes."""
-    from .group import NUMBERS
+    from .group import ARRAYS, NUMBERS
 
     rows, columns = max(r.x.size for r in regulators), max(r.y.size for r in regulators)
-    return (
-        np.array([_continued(r.x, (rows,)) for r in regulators]),
-        np.array([_continued(r.x_slope, (rows,)) for r in regulators]),
-        np.array([_continued(r.y, (columns,)) for r in regulators]),
-        np.array([_continued(r.y_slope, (columns,)) for r in regulators]),
-        np.array([_continued(r.table, (rows, columns, r.table.shape[2])) for r in regulators]),
-        np.array([r.limits for r in regulators]),
-        np.array([r.sections for r in regulators], dtype=float),
-        np.array([r.compensation for r in regulators], dtype=float),
-        np.array([[getattr(r, name) for name in NUMBERS] for r in regulators], dtype=float),
+    shapes = {
+        "x": (rows,),
+        "x_slope": (rows,),
+        "y": (columns,),
+        "y_slope": (columns,),
+        "table": (rows, columns, regulators[0].table.shape[2]),
+    }
+    arrays = (
+        [_continued(np.array(getattr(r, name), dtype=float), shapes.get(name)) for r in regulators]
+        for name in ARRAYS
     )
+    numbers = [[getattr(r, name) for name in NUMBERS] for r in regulators]
+    return (*map(np.array, arrays), np.array(numbers, dtype=float))
 
 
 def machine_tables(actuators: Sequence[Actuator]) -> tuple[np.ndarray, ...]:
@@ -37,7 +39,10 @@ def machine_tables(actuators: Sequence[Actuator]) -> tuple[np.ndarray, ...]:
     return tuple(np.array(rows, dtype=float) for rows in zip(*machines, strict=True))
 
 
-def _continued(array: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+def _continued(array: np.ndarray, shape: tuple[int, ...] | None) -> np.ndarray:
+    """The array, with its last values repeated up to `shape`."""
+    if shape is None:
+        return array
     return np.pad(
         array,
         [(0, long - short) for long, short in zip(shape, array.shape, strict=True)],
