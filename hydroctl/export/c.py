@@ -11,7 +11,7 @@ from ..regulator.vectors import TOLERANCE
 from . import precision
 from .c_law import CLaw, CWriter
 from .contents import Contents
-from .parts import parts
+from .template_values import template_values
 from .text import identifier, render, shortest
 
 
@@ -26,7 +26,7 @@ def sources(contents: Contents, name: str, real: str) -> tuple[bytes, bytes]:
     program = program_of(contents.regulator)
     number = filters(real)["number"]
     writer = CWriter(number, "f" if real == "float" else "")
-    values = parts(contents, program) | {
+    values = template_values(contents, program) | {
         "law": CLaw(program, name, writer),
         "name": name,
         "NAME": name.upper(),

@@ -10,8 +10,8 @@ from ..files import write_file
 from ..regulator.printing.program import program_of
 from . import precision
 from .contents import Contents
-from .parts import parts
 from .st_law import TAKEN, StLaw, StWriter, st_name
+from .template_values import template_values
 from .text import identifier, render, shortest
 
 
@@ -28,7 +28,7 @@ def source(contents: Contents, name: str, real: str) -> bytes:
 
     declared = "REAL" if real == "float" else "LREAL"
     program = program_of(contents.regulator, taken=TAKEN)
-    values = parts(contents, program) | {
+    values = template_values(contents, program) | {
         "law": StLaw(program, StWriter(number, name), declared),
         "name": name,
         "REAL": declared,

@@ -84,6 +84,7 @@ def parameters(actuator: Actuator) -> Parameters:
     return Parameters(*(kind(*(given[name] for name in kind._fields)) for kind in kinds))
 
 
+@lru_cache(maxsize=256)
 def components_used(p: Parameters) -> frozenset[str]:
     """The names of those of OPTIONAL that the machine has. A spool that lags may pass its ends,
     of which the law of the valve takes care."""

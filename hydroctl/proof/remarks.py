@@ -57,10 +57,13 @@ def _rating_remark(actuator: Actuator, x, specification: Specification) -> str |
         actuator, specification.uncertainty, specification.added_plants
     ).items():
         points = find_operating_points(plant, x, actuator.stroke / 2.0)
-        peaks, told = np.maximum(points.p_a, points.p_b), points.above_rating & points.feasible
+        peaks, above_rating = (
+            np.maximum(points.p_a, points.p_b),
+            points.above_rating & points.feasible,
+        )
         above += [
             (float(peak), label, float(opening))
-            for peak, opening in zip(peaks[told], points.x[told], strict=True)
+            for peak, opening in zip(peaks[above_rating], points.x[above_rating], strict=True)
         ]
     if not above:
         return None

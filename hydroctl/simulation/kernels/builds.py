@@ -20,7 +20,6 @@ from ...regulator import notch as _notch
 from ...regulator.law import Regulator
 from .. import sensing as _sensing
 from . import adaptive as _adaptive
-from . import careful as _careful
 from . import dormand_prince as _dormand_prince
 from . import group as _group
 from . import lanes as _lanes
@@ -28,6 +27,7 @@ from . import motion as _motion
 from . import rodas as _rodas
 from . import runge_kutta as _runge_kutta
 from . import sampled as _sampled
+from . import stepping as _stepping
 
 ALL_COMPONENTS = frozenset(one.__name__.rpartition(".")[2] for one in _plant.OPTIONAL)
 """Names of the optional ones."""
@@ -35,7 +35,7 @@ ALL_COMPONENTS = frozenset(one.__name__.rpartition(".")[2] for one in _plant.OPT
 
 class Motion:
     """The compiled modules of machines with the same components: `motion` and `model`,
-    `runge_kutta`, `careful`, and `adaptive` and `stiff`, which step by Dormand and Prince and by
+    `runge_kutta`, `stepping`, and `adaptive` and `stiff`, which step by Dormand and Prince and by
     Rodas4."""
 
     def __init__(self, components: frozenset[str]):
@@ -56,8 +56,8 @@ class Motion:
         self.stiff = compiled(
             _adaptive, f"{build}_stiff", method=compiled(_rodas, build, **field), **field
         )
-        self.careful = compiled(
-            _careful,
+        self.stepping = compiled(
+            _stepping,
             build,
             motion=self.motion,
             runge_kutta=self.runge_kutta,
@@ -77,7 +77,7 @@ class Loop:
             "feed_forward": law.feed_forward,
             "motion": motion.motion,
             "runge_kutta": motion.runge_kutta,
-            "careful": motion.careful,
+            "stepping": motion.stepping,
         }
         modules |= {"adaptive": motion.adaptive, "sensing": compiled(_sensing, "sensing")}
         modules |= motion.model

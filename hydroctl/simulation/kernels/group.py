@@ -34,7 +34,7 @@ from ...model.valve import Valve
 from ...regulator import law
 from ...regulator.compensation import Compensation
 from ...regulator.law import AT_REST, COUNTS, FLAGS, Regulator
-from . import careful, motion
+from . import motion, stepping
 
 ROWS = ("p_a", "p_b", "v", "y", "spool", "x", "command", "target")
 COMMON_ROWS = ("reference", "v_ref", "rate")
@@ -194,7 +194,9 @@ def run(
         0.0 * states[:, Y],
     )
     Ts = regulators[0].Ts
-    parts = [careful.parts(regulators[i].delay_fraction, Ts, substeps[i]) for i in range(count)]
+    stretches = [
+        stepping.stretches(regulators[i].delay_fraction, Ts, substeps[i]) for i in range(count)
+    ]
     place, rate, stopped = 0.0, 1.0, -1
     common[REFERENCE, 0], common[V_REF, 0] = path[0, 0], 0.0
     for k in range(samples):
@@ -215,14 +217,14 @@ def run(
             out[i, TARGET, k], out[i, COMMAND, k] = target, memories[i].x
             open_wide = max(open_wide, abs(memories[i].x))
             x = commands(i, k, stopped, failure, regulators[i].delay_samples, out)
-            z = motion.commanded(z, x[1] if parts[i][0][0] == 0 else x[0], plants[i])
+            z = motion.commanded(z, x[1] if stretches[i][0][0] == 0 else x[0], plants[i])
             out[i, 0, k], out[i, 1, k], out[i, 2, k], out[i, Y, k], out[i, 4, k], _ = z
             out[i, X, k] = x[1]
             for part in range(2):
-                steps, h = parts[i][part]
+                steps, h = stretches[i][part]
                 z = motion.commanded(z, x[part], plants[i])
                 for _ in range(steps):
-                    z = careful.step(z, x[part], load[i, k], plants[i], h)
+                    z = stepping.step(z, x[part], load[i, k], plants[i], h)
             states[i, 0], states[i, 1], states[i, 2], states[i, 3], states[i, 4], states[i, 5] = z
         if open_wide < 1.0:
             for i in range(count):

@@ -19,7 +19,7 @@ from ...model.plant import Parameters
 from ...regulator import feed_forward, gains, law
 from ...regulator.law import Memory
 from .. import sensing
-from . import adaptive, careful, motion, runge_kutta
+from . import adaptive, motion, runge_kutta, stepping
 
 LANES = 32
 VARIED = ("bulk_modulus", "mass", "supply_pressure", "viscous_friction", "load_force")
@@ -104,7 +104,7 @@ def _varied(w, i, p):
     )
 
 
-def _see(w, k, sensors):
+def _read(w, k, sensors):
     """The first of the four rows in which the regulator reads the plant: the plant's own where
     there are no sensors."""
     if sensors is None:
@@ -131,7 +131,7 @@ def _look_up(w, seen, regulator):
     if left > 0:
         for i in range(LANES):
             if not _is_inside(w, i):
-                _enter(w, i, regulator)
+                _enter_cell(w, i, regulator)
     for i in range(LANES):
         fractions = (
             (w[X_IN + i] - w[X_FROM + i]) * w[X_SLOPE + i],
@@ -150,7 +150,7 @@ def _is_inside(w, i):
     return (w[X_FROM + i] <= x) & (x < w[X_TO + i]) & (w[Y_FROM + i] <= y) & (y < w[Y_TO + i])
 
 
-def _enter(w, i, regulator):
+def _enter_cell(w, i, regulator):
     """Take the bounds and corners of the cell in which lane i is."""
     row, column = gains.interval(regulator.x, w[X_IN + i]), gains.interval(regulator.y, w[Y_IN + i])
     w[X_FROM + i], w[X_TO + i], w[X_SLOPE + i] = _bounds(regulator.x, regulator.x_slope, row)
@@ -250,12 +250,12 @@ def run(
     """
     past = regulator.delay_samples + 2
     measured = Y if regulator.position else V
-    parts = careful.parts(regulator.delay_fraction, regulator.Ts, substeps)
+    stretches = stepping.stretches(regulator.delay_fraction, regulator.Ts, substeps)
     for block in range(cases.shape[1] // LANES):
         _load_block(w, cases, initial, block)
         queue[:] = 0.0
         for k in range(reference.size):
-            seen = _see(w, k, sensors)
+            seen = _read(w, k, sensors)
             _look_up(w, seen, regulator)
             _regulate(w, seen, reference[k], feed_forward.step(v_ref[k], regulator), regulator)
             _measure(w, k, first, late, measured, reference[k], reference[-1], p, regulator.Ts)
@@ -265,7 +265,7 @@ def run(
             for i in range(LANES):
                 queue[k % past, i] = w[X + i]
             for part in range(2):
-                count, h = parts[part]
+                count, h = stretches[part]
                 if count > 0:
                     _advance(w, queue, (k + 1 + part) % past, load[k], p, count, h)
         for row in range(len(SUMS)):

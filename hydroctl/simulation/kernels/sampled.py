@@ -6,7 +6,7 @@ from __future__ import annotations
 from ...regulator import law
 from ...regulator.law import AT_REST
 from .. import sensing
-from . import careful, motion
+from . import motion, stepping
 
 ROWS = ("p_a", "p_b", "v", "y", "spool", "x", "command")
 
@@ -19,7 +19,7 @@ def run(initial, reference, v_ref, load, sensors, regulator, p, substeps, out):
     faults = 0
     memory = AT_REST
     delay = regulator.delay_samples
-    parts = careful.parts(regulator.delay_fraction, regulator.Ts, substeps)
+    stretches = stepping.stretches(regulator.delay_fraction, regulator.Ts, substeps)
     for k in range(reference.size):
         memory = law.sample(
             reference[k],
@@ -30,16 +30,16 @@ def run(initial, reference, v_ref, load, sensors, regulator, p, substeps, out):
         )
         faults += memory.running == 0.0
         out[6, k] = memory.x
-        told = (
+        commands = (
             out[6, k - delay - 1] if k > delay else 0.0,
             out[6, k - delay] if k >= delay else 0.0,
         )
-        z = motion.commanded(z, told[1] if parts[0][0] == 0 else told[0], p)
+        z = motion.commanded(z, commands[1] if stretches[0][0] == 0 else commands[0], p)
         out[0, k], out[1, k], out[2, k], out[3, k], out[4, k], _ = z
-        out[5, k] = told[1]
+        out[5, k] = commands[1]
         for part in range(2):
-            count, h = parts[part]
-            z = motion.commanded(z, told[part], p)
+            count, h = stretches[part]
+            z = motion.commanded(z, commands[part], p)
             for _ in range(count):
-                z = careful.step(z, told[part], load[k], p, h)
+                z = stepping.step(z, commands[part], load[k], p, h)
     return z, faults

@@ -8,7 +8,7 @@ from .contents import Contents
 from .names import comment
 
 
-def parts(contents: Contents, program: Program) -> dict:
+def template_values(contents: Contents, program: Program) -> dict:
     """The values that the templates ask for, besides those that depend on the target."""
     r, s = contents.regulator, contents.schedule
     return {

@@ -14,9 +14,9 @@ def step(z, x, load, p, h):
     return adaptive.advance(z, x, load, p, h) if motion.bends(z, new, x, p) else new
 
 
-def parts(delay_fraction, Ts, substeps):
-    """((n, h), (n, h)): the steps of a sample before its new command acts, and those after, none
-    longer than Ts/substeps."""
+def stretches(delay_fraction, Ts, substeps):
+    """((n, h), (n, h)): the steps of the two stretches of a sample, before its new command acts and
+    after, none longer than Ts/substeps."""
     before, after = (
         int(np.ceil(substeps * delay_fraction)),
         int(np.ceil(substeps * (1.0 - delay_fraction))),
