@@ -10,11 +10,11 @@ def test_corners_are_the_nominal_plant_and_four_corners_at_high_supply(reference
     plants = variants(reference, "corners")
     assert len(plants) == 5
     assert plants.pop("nominal") is reference
-    assert {(p.chambers.bulk_modulus / 1.2e9, p.mass / 500) for p in plants.values()} == {
+    assert {(p.bulk_modulus / 1.2e9, p.mass / 500) for p in plants.values()} == {
         (e, m) for e in (0.7, 1.3) for m in (0.5, 1.5)
     }
     assert all(
-        p.supply.supply_pressure == pytest.approx(1.2 * reference.supply_pressure, rel=1e-15)
+        p.supply_pressure == pytest.approx(1.2 * reference.supply_pressure, rel=1e-15)
         for p in plants.values()
     )
 

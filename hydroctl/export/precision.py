@@ -287,7 +287,7 @@ def _regulate(regulator: law.Regulator):
     absent = {
         structure.__name__.rpartition(".")[2]: SimpleNamespace(step=structure.absent_step)
         for structure in law.STRUCTURES
-        if hasattr(structure, "absent") and not structure.is_used(regulator)
+        if hasattr(structure, "absent_step") and not structure.is_used(regulator)
     }
     return FunctionType(law.regulate.__code__, vars(law) | absent)
 

@@ -14,7 +14,7 @@ loop), the measured y and, for the compensation of the pressures, p_a and p_b:
     I += Ts (ki (r - m_f) + (w limited - w)/(ratio Tt))      pid
 
 Each structure is the module named at its right: its step, what it remembers, its settings, and what
-it comes to where a schedule does not use it (`absent`).
+it comes to where a schedule does not use it (`absent_step`).
 
 A start, m_f = m and g[k-1] = (c - 1) m, takes the reference before the first sample as equal to the
 measurement. A fault is an input that is not finite (a broken sensor), or one so large that x or a

@@ -145,18 +145,18 @@ def test_the_plant_in_c_has_the_rates_of_the_plant(tmp_path, machine):
     for _ in range(300):
         p_a, p_b = machine.supply_pressure * rng.uniform(-0.2, 1.2, 2)
         v, y = rng.uniform(-0.3, 0.3), machine.stroke * rng.uniform(-0.01, 1.01)
-        x, spool, rate, load = (
+        x, position, rate, load = (
             *rng.uniform(-1.2, 1.2, 2),
             rng.uniform(-80.0, 80.0),
             rng.uniform(-1e5, 1e5),
         )
         x = np.clip(x, -1.0, 1.0) if ideal else x
-        opening = valve.effective_opening(x if ideal else spool, p.valve)
+        opening = valve.effective_opening(x if ideal else position, p.valve)
         expected = [*plant.rates(p_a, p_b, v, y, opening, load, p), v]
         state = [p_a, p_b, v, y]
         if not ideal:
-            expected += spool.rates(spool, rate, x, p.spool)
-            state += [spool, rate]
+            expected += spool.rates(position, rate, x, p.spool)
+            state += [position, rate]
         found = (ctypes.c_double * len(state))()
         slope((ctypes.c_double * len(state))(*state), x, load, found)
         stiff = max(chambers.stiffnesses(y, p.chambers))
