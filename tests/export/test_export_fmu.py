@@ -10,7 +10,7 @@ from exports import CASES, HOSTILE, OVERLAPPED, REFERENCE, exported
 import hydroctl as hc
 from hydroctl.export.contents import contents_of
 from hydroctl.export.fmu import plant_fmu, regulator_fmu
-from hydroctl.model import chambers, plant, valve
+from hydroctl.model import chambers, plant, spool, valve
 
 fmpy = pytest.importorskip("fmpy")
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
