@@ -8,8 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..machine.actuator import Actuator
+from .chambers import volumes
 from .linearization import LinearFamily
 from .operating_point import OperatingPoints, find_operating_points, stall_force
+from .plant import parameters
 
 _POSITIONS = 101
 
@@ -72,10 +74,7 @@ def oil_column_frequency(actuator: Actuator, y) -> np.ndarray:
     """Natural frequency in rad/s of the mass on both oil columns at y, valve closed: sqrt(Ec/m
     (A_a^2/V_a + A_b^2/V_b))."""
     y = np.asarray(y, dtype=float)
-    volume_a, volume_b = (
-        actuator.volume_a + actuator.area_a * y,
-        actuator.volume_b - actuator.area_b * y,
-    )
+    volume_a, volume_b = volumes(y, parameters(actuator).chambers)
     return np.sqrt(
         actuator.bulk_modulus
         / actuator.mass

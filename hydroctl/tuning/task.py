@@ -16,6 +16,8 @@ from ..loop.plant_family import Change, PlantFamily
 from ..loop.quantity import LOOPS, ControlledQuantity, LoopName, controlled_quantity
 from ..loop.sampled_plant import SampledFamily
 from ..machine.actuator import Actuator
+from ..model.chambers import volumes
+from ..model.plant import parameters
 from ..regulator.structures import GAINS, STRUCTURES, Regulators, section_count
 from ..specification import Specification
 from .convex import Bounds
@@ -42,9 +44,8 @@ def default_points(actuator: Actuator) -> tuple[np.ndarray, np.ndarray]:
     """
     openings = actuator.dead_band + _OPENINGS * (1.0 - actuator.dead_band)
     y = np.linspace(0.0, actuator.stroke, _FINE)
-    ratio = np.log(
-        (actuator.volume_a + actuator.area_a * y) / (actuator.volume_b - actuator.area_b * y)
-    )
+    volume_a, volume_b = volumes(y, parameters(actuator).chambers)
+    ratio = np.log(volume_a / volume_b)
     count = int(np.clip(np.ceil((ratio[-1] - ratio[0]) / _RATIO_STEP) + 1, *_POSITIONS))
     return np.concatenate([-openings[::-1], openings]), np.interp(
         np.linspace(ratio[0], ratio[-1], count), ratio, y

@@ -18,6 +18,7 @@ from ..errors import InputError, unknown_name
 from ..machine.actuator import Actuator
 from ..machine.variants import VARIATIONS
 from ..model import plant
+from ..model.chambers import volumes
 from ..model.operating_point import stall_force
 from ..model.supply import with_pressure
 from ..regulator.law import Regulator
@@ -197,9 +198,8 @@ def _metrics(task: Task, scenario: Scenario, window, s: dict[str, np.ndarray]) -
         beyond = np.maximum(0.0, np.maximum(-s["least_y"], s["most_y"] - task.actuator.stroke))
     values |= {name: s[name] for name in METRICS if name in s} | {"beyond_stroke": beyond}
     rows = np.array([values[name] for name in METRICS])
-    a = task.actuator
-    used_up = (a.volume_a + a.area_a * s["least_y"] <= 0.0) | (
-        a.volume_b - a.area_b * s["most_y"] <= 0.0
-    )
+    chambers = plant.parameters(task.actuator).chambers
+    (least_a, _), (_, least_b) = volumes(s["least_y"], chambers), volumes(s["most_y"], chambers)
+    used_up = (least_a <= 0.0) | (least_b <= 0.0)
     rows[:, used_up | ~np.isfinite(s["iae"] + s["total_variation"])] = np.nan
     return rows
