@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache, partial
-from types import SimpleNamespace
 from typing import NamedTuple
 
 import numba
 import numpy as np
 
-from hydroctl import Actuator, Scenario, rest_state
+from hydroctl import Actuator, GainSchedule, Scenario, rest_state
 
 from .measure import Contender
 from .peers import (
@@ -51,7 +50,7 @@ class Law(NamedTuple):
 
 
 def contenders(
-    machines: list[Actuator], schedule: SimpleNamespace, scenario: Scenario, error: Callable
+    machines: list[Actuator], schedule: GainSchedule, scenario: Scenario, error: Callable
 ) -> list[Contender]:
     """All that run cases at once or compile; `error(y)` is of the first machine's case."""
     plants, law = np.array([plant_of(machine) for machine in machines]).T, law_of(schedule)
@@ -78,7 +77,7 @@ def contenders(
     ]
 
 
-def law_of(schedule: SimpleNamespace) -> Law:
+def law_of(schedule: GainSchedule) -> Law:
     """The law of `scheduled_pid`."""
     below, above = schedule.x[schedule.x < 0], schedule.x[schedule.x > 0]
     sides = (float(below[0]), float(below[-1])), (float(above[0]), float(above[-1]))
@@ -86,7 +85,7 @@ def law_of(schedule: SimpleNamespace) -> Law:
     return Law(schedule.x, schedule.y, tables, *sides, schedule.Tf, schedule.Tt, schedule.Ts)
 
 
-def signals_of(schedule: SimpleNamespace, reference, v_ref):
+def signals_of(schedule: GainSchedule, reference, v_ref):
     """(2, samples): reference and feed-forward."""
     gain = np.where(v_ref > 0, schedule.speed_gain_extend, schedule.speed_gain_retract)
     offset = np.where(v_ref > 0, schedule.speed_offset_extend, schedule.speed_offset_retract)
@@ -130,7 +129,7 @@ def advance(plant, z, x, Ts, where, root):
 class NumPyPID(PlainPID):
     """`PlainPID` that looks up its gains with NumPy, as most users write it."""
 
-    def __init__(self, schedule: SimpleNamespace):
+    def __init__(self, schedule: GainSchedule):
         super().__init__(schedule)
         self.law = law_of(schedule)
 
@@ -138,7 +137,7 @@ class NumPyPID(PlainPID):
         return gains_of_arrays(self.law, self.x, y, np)
 
 
-def by_control(schedule: SimpleNamespace, scenario: Scenario, start, slope, sample, pid: PlainPID):
+def by_control(schedule: GainSchedule, scenario: Scenario, start, slope, sample, pid: PlainPID):
     """python-control: one discrete-time system that holds `pid` and the plant, with `slope(z, x)`
     of floats; one case."""
     import control

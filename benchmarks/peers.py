@@ -5,13 +5,12 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
 from numba.extending import register_jitable
 
-from hydroctl import Actuator, load_actuator
+from hydroctl import Actuator, GainSchedule, Specification, load_actuator
 
 compilable = register_jitable(error_model="numpy", fastmath={"contract"})
 """for functions that numba's compiled code may call too"""
@@ -140,49 +139,39 @@ def slope_function(a: Actuator, load: float = 0.0):
     return slope
 
 
-def scheduled_pid(Ts: float = 1e-3) -> SimpleNamespace:
-    """A position PID for the reference machine on a 21 by 11 table, without notch; the attributes
-    of `GainSchedule`."""
+def scheduled_pid(Ts: float = 1e-3) -> GainSchedule:
+    """A position PID for the reference machine on a 21 by 11 table, without notch."""
     nodes = np.linspace(0.05, 1.0, 11)
     x, y = np.concatenate([-nodes[1:][::-1], nodes]), np.linspace(0.0, 0.5, 11)
     spread = 1.0 + 0.2 * np.abs(x)[:, None] + 0.1 * y
-    table = {
-        "kp": 230.0 * spread,
-        "ki": 3000.0 * spread,
-        "kd": 0.1 * spread,
-        "notch_frequency": 0.0 * spread,
-    }
-    forward = {
-        "speed_gain_extend": 0.1515,
-        "speed_gain_retract": 0.1393,
-        "speed_offset_extend": 6e-4,
-        "speed_offset_retract": -6e-4,
-    }
-    forward |= {
-        "b": 1.0,
-        "c": 1.0,
-        "Tm": 0.0,
-        "sections": (),
-        "dead_band_inverse": 0.0,
-        "pressure_drops": None,
-    }
-    constants = {
-        "actuator": load_actuator("reference"),
-        "Tf": 5e-4,
-        "zz": 1.0,
-        "zp": 1.0,
-        "Ts": Ts,
-        "delay_samples": 1,
-        "Tt": 0.05,
-        "feed_forward": True,
-    }
-    return SimpleNamespace(loop="position", x=x, y=y, **table, **forward, **constants)
+    return GainSchedule(
+        actuator=load_actuator("reference"),
+        specification=Specification(sample_time=Ts, uncertainty="nominal"),
+        loop="position",
+        structure="pid",
+        x=x,
+        y=y,
+        design_x=x,
+        design_y=y,
+        kp=230.0 * spread,
+        ki=3000.0 * spread,
+        kd=0.1 * spread,
+        notch_frequency=0.0 * spread,
+        zz=1.0,
+        zp=1.0,
+        Tt=0.05,
+        feed_forward=True,
+        speed_gain_extend=0.1515,
+        speed_gain_retract=0.1393,
+        speed_offset_extend=6e-4,
+        speed_offset_retract=-6e-4,
+    )
 
 
 class PlainPID:
     """The same law one sample at a time."""
 
-    def __init__(self, schedule: SimpleNamespace):
+    def __init__(self, schedule: GainSchedule):
         self.s = schedule
         self.x_nodes, self.y_nodes = schedule.x.tolist(), schedule.y.tolist()
         self.tables = [table.tolist() for table in (schedule.kp, schedule.ki, schedule.kd)]
