@@ -84,7 +84,7 @@ def parameters(actuator: Actuator) -> Parameters:
     derived = {"flow_coefficient_a": actuator.flow_coefficient, "inverse_mass": 1.0 / actuator.mass}
     given = actuator.parameters() | derived
     return Parameters(
-        *(_ABSENT[name] if given[name] is None else given[name] for name in Parameters._fields)
+        *(_ABSENT[name] if (value := given[name]) is None else value for name in Parameters._fields)
     )
 
 
