@@ -144,34 +144,40 @@ class Design:
         from .report import write_report
 
         directory = make_directory(directory)
-        finished = [run for run in reversed(self.validation.runs) if run.trajectory is not None]
         first = {
-            run.scenario.kind: run for run in finished if run.scenario.kind in ("step", "saturated")
-        }
-        motions = [(run.scenario, run.trajectory) for run in first.values()]
-        shown = {
-            "beside": {"fixed": self.fixed},
-            "comparison": self.comparison,
-            "remarks": self.remarks,
+            run.scenario.kind: (run.scenario, run.trajectory)
+            for run in reversed(self.validation.runs)
+            if run.trajectory is not None and run.scenario.kind in ("step", "saturated")
         }
         return [
             self.schedule.save(directory / "schedule.json"),
             write_file(directory / "margins.csv", self.schedule.margins.to_csv().encode()),
             write_file(directory / "summary.txt", (self.summary() + "\n").encode()),
-            write_report(directory / "report.html", self.schedule, self.validation, **shown),
+            write_report(
+                directory / "report.html",
+                self.schedule,
+                self.validation,
+                beside={"fixed": self.fixed},
+                comparison=self.comparison,
+                remarks=self.remarks,
+            ),
             *save_figures(
-                design_figures(self.family, self.schedule, motions), directory, formats=("svg",)
+                design_figures(self.family, self.schedule, first.values()),
+                directory,
+                formats=("svg",),
             ),
         ]
 
 
 def _surfaces(reduced: SecondOrderFamily) -> tuple[QuasiLinearModel | None, tuple[str, ...]]:
+    model: QuasiLinearModel | None = None
+    remarks: tuple[str, ...] = ()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", PoorFitWarning)
         try:
-            model, remarks = fit_surfaces(reduced), ()
+            model = fit_surfaces(reduced)
         except InputError as error:
-            model, remarks = None, error.faults
+            remarks = error.faults
     return model, (*remarks, *(str(warning.message) for warning in caught))
 
 

@@ -13,7 +13,7 @@ from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated, Any, Literal, NoReturn
 
 import typer
 
@@ -213,15 +213,15 @@ def validate(
             validation.connected(scheduler) if scheduler else nullcontext() as executor,
             _progress() as advance,
         ):
-            cases = {
+            settings: dict[str, Any] = {
                 "count": count,
                 "seed": seed,
                 "executor": executor,
                 "directory": kept,
                 "on_progress": advance,
             }
-            cases["chunk_size"] = min(1024, 32 * math.ceil(count / 1024))
-            result = validation.campaign(loaded.machine, loaded, **cases)
+            settings["chunk_size"] = min(1024, 32 * math.ceil(count / 1024))
+            result = validation.campaign(loaded.machine, loaded, **settings)
         scale = validation.scale_of(loaded.machine, loaded.loop)
         verdicts = result.verdicts(
             validation.default_requirements(scale, loaded.loop, Mt=loaded.specification.Mt)
@@ -271,8 +271,9 @@ def _synchronize(
     with _stages(3) as begin:
         begin("coupling")
         designed = synchronization.design_coupling(machines, schedules, coupling)
+        assert designed.evidence is not None  # a coupling that was designed has it
         profile, loads = synchronization.standard_motion(machines, Ts=schedules[0].Ts)
-        given = {"coupling": designed, "load_forces": loads}
+        given: dict[str, Any] = {"coupling": designed, "load_forces": loads}
         begin("motion")
         result = hydroctl.synchronize(machines, schedules, profile, **given)
         if count:
@@ -332,7 +333,12 @@ def identify(
         record, columns=_pairs("--column", column), units=_pairs("--unit", unit)
     )
     actuator = None if machine is None else _machine(machine)
-    settings = {"basis": basis, "actuator": actuator, "method": method, "settling": settling}
+    settings: dict[str, Any] = {
+        "basis": basis,
+        "actuator": actuator,
+        "method": method,
+        "settling": settling,
+    }
     found = hydroctl.identify(
         data.t, data.x, data.v, data.y, **settings, progress=_tell if sys.stderr.isatty() else None
     )
@@ -395,7 +401,7 @@ def export(
     path = directory / f"{schedule.stem}.{to.value}"
     loaded = hydroctl.load_schedule(schedule)
     make_directory(directory)
-    real = "float" if single else "double"
+    real: Literal["double", "float"] = "float" if single else "double"
     for written in hydroctl.export_schedule(loaded, path, to.value, real=real, force=force):
         typer.echo(written)
 

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from threading import RLock
 from types import FunctionType, ModuleType
+from typing import Any
 
 import numba
 
@@ -34,7 +35,7 @@ def cache_directory(names: Mapping[str, object]) -> str:
     """
     modules = {__name__, scalar.__name__}
     _collect(names, modules)
-    sources = [Path(sys.modules[name].__file__).read_bytes() for name in sorted(modules)]
+    sources = [Path(inspect.getfile(sys.modules[name])).read_bytes() for name in sorted(modules)]
     fingerprint = hashlib.sha256(b"\0".join(sources)).hexdigest()[:16]
     return str(Path(numba.config.CACHE_DIR or Path(__file__).parent / "__pycache__") / fingerprint)
 
@@ -85,7 +86,7 @@ def compiled(module: ModuleType, build: str, **replaced) -> ModuleType:
         ):
             rebound = FunctionType(value.__code__, names, name, value.__defaults__)
             rebound.__qualname__ = f"{build}_{name}"
-            options = {
+            options: dict[str, Any] = {
                 "cache": True,
                 "error_model": "numpy",
                 "nogil": True,

@@ -35,9 +35,10 @@ def sources(contents: Contents, name: str, real: str) -> tuple[bytes, bytes]:
         "precision": precision.statement(contents) if real == "float" else [],
         "checks": _checks(contents, real),
     }
-    return tuple(
+    header, source = (
         render(f"regulator.{kind}.jinja", filters=filters(real), **values) for kind in ("h", "c")
     )
+    return header, source
 
 
 def _checks(contents: Contents, real: str) -> list[dict]:
@@ -49,11 +50,13 @@ def _checks(contents: Contents, real: str) -> list[dict]:
         by_gains = precision.gain_tolerances(contents.regulator, vectors)
     else:
         by_x = [TOLERANCE] * len(vectors)
-        by_gains = [[TOLERANCE * abs(gain) for gain in vector.gains or ()] for vector in vectors]
+        by_gains = [tuple(TOLERANCE * abs(g) for g in vector.gains or ()) for vector in vectors]
     used = [list(contents.units).index(name) for name in contents.tables]
     checks = []
     for vector, within, gains_within in zip(vectors, by_x, by_gains, strict=True):
-        gains = [] if vector.start is None else [(vector.gains[k], gains_within[k]) for k in used]
+        gains = []
+        if vector.start is not None and vector.gains is not None:
+            gains = [(vector.gains[k], gains_within[k]) for k in used]
         checks.append(vector._asdict() | {"within": within, "gains": gains})
     return checks
 

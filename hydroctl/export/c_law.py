@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import ClassVar
 
+import numpy as np
+
 from ..regulator.printing.program import Described, Program
 from ..regulator.printing.statements import (
     Assign,
@@ -142,7 +144,7 @@ class CLaw:
                 ]
         raise NotImplementedError(repr(statement))
 
-    def _array(self, one: Described) -> list[str]:
+    def _array(self, one: Described[np.ndarray]) -> list[str]:
         sizes = "[2][2]" if one.name == "limits" else _size(one)
         head = f"static const real {array_name(one.name)}{sizes} = {{"
         if one.value.ndim == 1:
@@ -171,7 +173,7 @@ def array_name(name: str) -> str:
     return name.removesuffix("_table").upper()
 
 
-def _size(one: Described) -> str:
+def _size(one: Described[np.ndarray]) -> str:
     if one.value.ndim == 2:
         return "[NX][NY]"
     return f"[{_SIZES[one.name.startswith('y')]}]"

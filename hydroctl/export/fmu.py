@@ -11,7 +11,7 @@ import sys
 import tempfile
 from io import BytesIO
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 from zipfile import ZIP_STORED, ZipFile, ZipInfo
 
@@ -76,7 +76,7 @@ _PLANT = (
     Variable("v", "m/s", "speed", "output", initially=("v_start",)),
     Variable("y", "m", "position", "output", initially=("y_start",)),
 )
-_LIMITS = {
+_LIMITS: dict[str, dict[str, Any]] = {
     end: {
         "description": f"{end} value that is not a fault",
         "causality": "parameter",
@@ -167,7 +167,7 @@ def plant_fmu(actuator: Actuator, name: str) -> bytes:
     description = (
         f"Valve-controlled hydraulic cylinder: {actuator.name}. Written by hydroctl {__version__}."
     )
-    values = {
+    values: dict[str, Any] = {
         "filters": _FILTERS,
         "provenance": [
             harmless(description),

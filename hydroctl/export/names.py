@@ -29,5 +29,10 @@ def comment(unit: str, text: str) -> str:
 def wrapped(line: str) -> list[str]:
     """A statement in lines that are not too long."""
     indent = " " * (len(line) - len(line.lstrip()))
-    options = {"break_long_words": False, "break_on_hyphens": False}
-    return wrap(line, WIDTH, subsequent_indent=f"{indent}    ", **options)
+    return wrap(
+        line,
+        WIDTH,
+        subsequent_indent=f"{indent}    ",
+        break_long_words=False,
+        break_on_hyphens=False,
+    )

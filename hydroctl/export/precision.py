@@ -237,7 +237,7 @@ def _accumulated(by_memory: np.ndarray, by_rounding: np.ndarray, samples: int) -
     """(n,) what the roundings of so many samples add up to in x."""
     weights = np.zeros((len(by_memory), 1, len(_STATES)))
     weights[..., _X] = 1.0
-    total = 0.0
+    total = np.zeros(len(by_memory))
     for k in range(samples):
         share = np.abs(weights @ by_rounding).sum(axis=(1, 2))
         total = total + share
@@ -256,8 +256,9 @@ def _started(x: np.ndarray, inputs, regulator: law.Regulator) -> Sample:
         roundings.rounded(found.value, found.error)
         for found in _look_up(x, measured[-1], regulator)
     ]
-    x = _Number(x, np.zeros(roundings.shape), roundings)
-    new = law.held(x, reference, feed_forward.step(v_ref, written), measured, scheduled, written)
+    command = _Number(x, np.zeros(roundings.shape), roundings)
+    forward = feed_forward.step(v_ref, written)
+    new = law.held(command, reference, forward, measured, scheduled, written)
     return _followed(new, roundings)
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import ClassVar
 
+import numpy as np
+
 from ..regulator import law
 from ..regulator.formulas import INPUTS
 from ..regulator.printing.program import Described, Program, setting_names
@@ -233,7 +235,7 @@ class StLaw:
                     found.setdefault(name, _declared(name, kind, statement))
         return list(found.values())
 
-    def _array(self, one: Described) -> list[str]:
+    def _array(self, one: Described[np.ndarray]) -> list[str]:
         shape = ", ".join(f"0..{size - 1}" for size in one.value.shape)
         head = f"{one.name} : ARRAY[{shape}] OF {self.real} := ["
         said = f" (* {comment(one.unit, one.text)} *)"

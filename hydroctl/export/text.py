@@ -60,12 +60,13 @@ def render(template: str, *, filters: dict, **values) -> bytes:
     import jinja2
 
     loader = jinja2.FileSystemLoader(Path(__file__).parent / "templates")
-    options = {
-        "trim_blocks": True,
-        "lstrip_blocks": True,
-        "keep_trailing_newline": True,
-        "autoescape": False,
-    }
-    environment = jinja2.Environment(loader=loader, undefined=jinja2.StrictUndefined, **options)
+    environment = jinja2.Environment(
+        loader=loader,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,
+    )
     environment.filters.update(filters)
     return environment.get_template(template).render(values).encode("ascii")

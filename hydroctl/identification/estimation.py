@@ -278,6 +278,7 @@ def refine(problem: Regression, theta: np.ndarray, initial: np.ndarray, progress
     names = (*problem.names, "initial v", "initial v'")
     free = len(names) if counts[0] else p
     unknown, answer = np.concatenate([theta, initial]), problem.simulate(theta, initial)
+    assert answer is not None  # a start has one
     for iteration in range(1, MOST_ITERATIONS + 1):
         cost = problem.cost(answer)
         step, inverse = _solve(

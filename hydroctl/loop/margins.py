@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields, replace
+from typing import Literal
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from ..regulator.linear import series
 from ..regulator.structures import Regulators
 from .sampled_plant import LOWEST_FREQUENCY, SampledFamily, about_modes, frequency_grid, merged
 
-MARGIN_UNITS = {
+MARGIN_UNITS: dict[str, Literal["1", "rad", "s", "rad/s"]] = {
     "Ms": "1",
     "Mt": "1",
     "gain_margin": "1",

@@ -29,7 +29,7 @@ Ends = tuple[float, float] | tuple[str, str]
 """(low, high) of one parameter: two factors, or two values with units"""
 
 
-def is_number(value: object) -> bool:
+def is_number(value: object) -> TypeGuard[float]:
     return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
 
 

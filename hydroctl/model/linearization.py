@@ -43,7 +43,7 @@ class LinearFamily:
     x, output v."""
 
     points: OperatingPoints
-    form: str
+    form: Literal["tangent", "secant"]
     """"tangent" or "secant"""
     A: np.ndarray
     """(..., 3, 3)"""

@@ -77,6 +77,7 @@ class OperatingPoints:
         opening, dead_band, *_ = apart(x, math.copysign(machine.dead_band, x), -1.0, 1.0)
         position, _, stroke = apart(y, 0.0, machine.stroke)
         force, stall = apart(load, float(stall_force(machine, x)))
+        assert machine.breakaway_friction is not None  # it follows coulomb_friction
         left, breakaway = apart(abs(_force_left(machine, x, load)), machine.breakaway_friction)
         pressures = (
             float(self.p_a[index]),

@@ -26,9 +26,10 @@ that the simulation kernels integrate these very lines.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 from types import ModuleType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -44,6 +45,9 @@ from .valve import Valve
 
 if TYPE_CHECKING:
     import control
+
+
+Component = TypeVar("Component")
 
 
 class Parameters(NamedTuple):
@@ -80,8 +84,20 @@ def parameters(actuator: Actuator) -> Parameters:
         for name, value in (actuator.parameters() | derived).items()
         if value is not None
     }
-    kinds = (Chambers, Supply, Valve, Spool, Friction, EndStops, Load)
-    return Parameters(*(kind(*(given[name] for name in kind._fields)) for kind in kinds))
+    return Parameters(
+        _of(Chambers, given),
+        _of(Supply, given),
+        _of(Valve, given),
+        _of(Spool, given),
+        _of(Friction, given),
+        _of(EndStops, given),
+        _of(Load, given),
+    )
+
+
+def _of(kind: type[Component], given: Mapping[str, float]) -> Component:
+    """The component with those of the given values that it has fields for."""
+    return kind(**{name: given[name] for name in kind.__annotations__})
 
 
 @lru_cache(maxsize=256)

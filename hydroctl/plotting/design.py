@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 
 from matplotlib.figure import Figure
 
@@ -37,5 +38,9 @@ def design_figures(
     for scenario, trajectory in motions:
         kinds.setdefault(scenario.kind, []).append((scenario, trajectory))
     for kind, group in kinds.items():
-        figures[f"validation-{kind}"] = lambda group=group: overlay(group)[0].figure
+        figures[f"validation-{kind}"] = partial(_overlaid, group)
     return figures
+
+
+def _overlaid(motions: Sequence[tuple[Scenario, Trajectory]]) -> Figure:
+    return overlay(motions)[0].figure

@@ -11,6 +11,7 @@ from __future__ import annotations
 import functools
 import textwrap
 from collections.abc import Callable
+from typing import Literal
 
 import matplotlib
 import numpy as np
@@ -131,7 +132,9 @@ def coloured_lines(ax: Axes, x, curves, values, norm: Normalize) -> LineCollecti
     """Curves (m, n) over x (n,) or (m, n), each in the shade of its value (m,), in one
     collection."""
     x = np.broadcast_to(x, np.shape(curves))
-    lines = LineCollection(np.stack([x, curves], axis=-1), cmap=shades(), norm=norm, linewidths=0.8)
+    lines = LineCollection(
+        list(np.stack([x, curves], axis=-1)), cmap=shades(), norm=norm, linewidths=0.8
+    )
     lines.set_array(np.asarray(values, dtype=float))
     lines.set_rasterized(len(curves) > MANY)
     ax.add_collection(lines)
@@ -139,7 +142,7 @@ def coloured_lines(ax: Axes, x, curves, values, norm: Normalize) -> LineCollecti
     return lines
 
 
-def of_side(x: float) -> str:
+def of_side(x: float) -> Literal["-", "--"]:
     """The line style that tells the two signs of x apart."""
     return "--" if x < 0.0 else "-"
 
@@ -207,13 +210,16 @@ def require_some(points: OperatingPoints) -> np.ndarray:
 def footnote(ax: Axes, text: str) -> None:
     """Small lines under the axis label of `ax`."""
     if text:
-        place_below = {
-            "xycoords": "axes fraction",
-            "xytext": (-40, -36),
-            "textcoords": "offset points",
-            "annotation_clip": False,
-        }
-        ax.annotate(text, (0.0, 0.0), fontsize=7, va="top", **place_below)
+        ax.annotate(
+            text,
+            (0.0, 0.0),
+            fontsize=7,
+            va="top",
+            xycoords="axes fraction",
+            xytext=(-40, -36),
+            textcoords="offset points",
+            annotation_clip=False,
+        )
 
 
 def place(x: float, y: float) -> str:

@@ -52,6 +52,9 @@ def _sampling_remark(actuator: Actuator, x, y, specification: Specification) -> 
 
 def _rating_remark(actuator: Actuator, x, specification: Specification) -> str | None:
     """The highest pressure of all operating points, where it passes the rating."""
+    rating = actuator.pressure_rating
+    if rating is None:
+        return None
     above = []
     for label, plant in variants(
         actuator, specification.uncertainty, specification.added_plants
@@ -70,7 +73,7 @@ def _rating_remark(actuator: Actuator, x, specification: Specification) -> str |
     peak, label, opening = max(above)
     return (
         f"a chamber reaches {peak / 1e5:.4g} bar at the operating points of x={opening:g} ({label}"
-        f" plant), above pressure_rating = {actuator.pressure_rating / 1e5:.4g} bar: lower the load"
+        f" plant), above pressure_rating = {rating / 1e5:.4g} bar: lower the load"
         " or the supply, widen the outlet edge, or take a stronger cylinder."
     )
 

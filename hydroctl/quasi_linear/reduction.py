@@ -44,7 +44,7 @@ class SecondOrderFamily:
 
     family: LinearFamily
     """the third-order models they stand for"""
-    method: str
+    method: Literal["matched", "least-squares", "paper"]
     tolerance: float
     """largest relative error of an accepted point"""
     omega_max: float | None

@@ -150,7 +150,7 @@ def _time_faults(form: _TimeForm) -> list[str]:
     return faults
 
 
-def _filter_faults(form: Form) -> list[str]:
+def _filter_faults(form: ParallelForm | _TimeForm) -> list[str]:
     return (
         []
         if _finite(form, "Tf") and form.Tf >= 0.0
@@ -158,7 +158,7 @@ def _filter_faults(form: Form) -> list[str]:
     )
 
 
-def _finite(form: Form, name: str) -> bool:
+def _finite(form: ParallelForm | _TimeForm, name: str) -> bool:
     value = getattr(form, name)
     return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
 

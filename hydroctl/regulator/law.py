@@ -28,6 +28,7 @@ of the printed statement, the first sentence of a docstring the heading of the p
 from __future__ import annotations
 
 from collections import namedtuple
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -45,11 +46,13 @@ from . import (
 
 STRUCTURES = (pid, lead_lag, notch, measurement_filter, feed_forward, compensation, inverse)
 """The modules of which the law is composed, beside the lookup of the gains."""
-MEMORY = {name: text for structure in STRUCTURES for name, text in structure.MEMORY.items()} | {
+MEMORY: dict[str, str] = {
+    name: text for structure in STRUCTURES for name, text in structure.MEMORY.items()
+} | {
     "x": "[1] the last command",
     "running": "1 after a sample, 0 before the first and after a fault",
 }
-SETTINGS = {
+SETTINGS: dict[str, str] = {
     "x": "[1] nodes of the opening; below 0 the opening uses those below 0, else those above",
     "x_slope": "[1] 1/(distance to the next node), 0 at the last",
     "y": "[m] nodes of the position",
@@ -67,10 +70,16 @@ FLAGS = tuple(name for name, text in SETTINGS.items() if text.startswith("whethe
 COUNTS = ("delay_samples",)
 """The settings that are whole numbers."""
 
-Regulator = namedtuple("Regulator", SETTINGS, module=__name__)  # type: ignore[misc]
-"""A gain schedule as the law reads it: `SETTINGS`."""
-Memory = namedtuple("Memory", MEMORY, module=__name__)  # type: ignore[misc]
-"""What the law remembers from sample to sample: `MEMORY`."""
+if (
+    TYPE_CHECKING
+):  # a type checker reads no fields from the tables, and the kernels need a namedtuple
+    Regulator: TypeAlias = Any
+    Memory: TypeAlias = Any
+else:
+    Regulator = namedtuple("Regulator", SETTINGS, module=__name__)
+    """A gain schedule as the law reads it: `SETTINGS`."""
+    Memory = namedtuple("Memory", MEMORY, module=__name__)
+    """What the law remembers from sample to sample: `MEMORY`."""
 AT_REST = Memory(*[0.0] * len(MEMORY))
 """Before the first sample."""
 

@@ -88,5 +88,6 @@ class ScheduledRegulator:
         values = ((np.ravel(table)[index] * weight).sum(axis=-1) for table in tables)
         return self._regulators(*values)
 
-    def _regulators(self, *tables) -> Regulators:
+    def _regulators(self, kp, ki, kd, notch_frequency) -> Regulators:
+        tables = (kp, ki, kd, notch_frequency)
         return Regulators(self.Ts, *tables, self.Tf, self.zz, self.zp, self.sections, self.Tm)

@@ -103,8 +103,8 @@ def require_answers(scheduled: ScheduledRegulator, vectors: list[Vector]) -> Non
     regulator, memory = law_of(scheduled), law.AT_REST
     for k, given in enumerate(vectors):
         found, memory = answer(given.start, given.inputs, memory, regulator)
-        same_gains = (found.gains is None) == (given.gains is None)
-        if same_gains and found.gains is not None:
+        same_gains = found.gains is None and given.gains is None
+        if found.gains is not None and given.gains is not None:
             same_gains = np.allclose(found.gains, given.gains, rtol=TOLERANCE, atol=0.0)
         if not same_gains or abs(found.x - given.x) > TOLERANCE:
             stated, answered = apart(given.x, found.x)

@@ -13,7 +13,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
@@ -25,7 +25,7 @@ from .parts import MOST_NODES, Controller, Design, FeedForward, Machine, Part, S
 from .shown import Law, ProofPart, Remark, TestVectors
 from .versions import upgraded
 
-SCHEMA = "hydroctl.gain-schedule"
+SCHEMA: Final = "hydroctl.gain-schedule"
 SCHEMA_FILE = Path(__file__).with_name("schedule.schema.json")
 _LARGEST_FILE = 50_000_000
 _ONLY_OLDER_LACK = ("law", "test_vectors", "fingerprint")

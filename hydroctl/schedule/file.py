@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from pydantic import BaseModel
@@ -89,7 +89,7 @@ def _scheduling(schedule) -> p.Scheduling:
     )
 
 
-def _axis(signal: str, unit: str, nodes: np.ndarray) -> p.Axis:
+def _axis(signal: Literal["previous_x", "y"], unit: Literal["1", "m"], nodes: np.ndarray) -> p.Axis:
     values = nodes.tolist()
     return p.Axis(signal=signal, unit=unit, nodes=values, slopes=p.slopes(values))
 
@@ -175,7 +175,7 @@ def _test_vectors(vectors: list[Vector], quantity: ControlledQuantity) -> TestVe
 
 def vectors_in(document: d.Document) -> list[Vector]:
     """The test vectors of a file; none before version 3."""
-    rows = [] if document.test_vectors is None else document.test_vectors.rows
+    rows: list[list[Any]] = [] if document.test_vectors is None else document.test_vectors.rows
     vectors = []
     for start, *inputs, kp, ki, kd, wn, x in rows:
         gains = None if kp is None else (kp, ki, kd, wn)
@@ -297,6 +297,7 @@ def _actuator(machine: p.Machine) -> Actuator:
 def _specification(document: d.Document) -> Specification:
     controller, design = document.controller, document.design
     sections = tuple((section.zero, section.pole) for section in controller.lead_lag)
+    first, second = sections + Specification.lead_lag[len(sections) :]
     return Specification(
         sample_time=controller.sample_time.value,
         delay_samples=controller.delay_samples,
@@ -313,7 +314,7 @@ def _specification(document: d.Document) -> Specification:
         ),
         Tf=controller.derivative_filter_time.value,
         **_notch(document),
-        lead_lag=sections + Specification.lead_lag[len(sections) :],
+        lead_lag=(first, second),
         measurement_filter=controller.measurement_filter_time.value,
         derivative_on=controller.derivative_on,
         set_point_weight=controller.set_point_weight,

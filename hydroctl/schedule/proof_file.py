@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
+from typing import Literal
 
 from ..loop.margins import MARGIN_UNITS
 from .margins import WorstPoint
@@ -59,21 +60,27 @@ def _point(name: str, found: Achieved) -> WorstPoint:
 
 
 def _judged(verdict: Verdict) -> Judged:
-    achieved = float(verdict.achieved)
     return Judged(
         requirement=identifier(verdict.name),
-        subject=verdict.subject.replace(" ", "_"),
+        subject="hidden_coupling" if verdict.subject == "hidden coupling" else verdict.subject,
         method=verdict.method,
         unit=verdict.unit,
         limit=float(verdict.limit) if math.isfinite(verdict.limit) else None,
         at_least=verdict.at_least,
-        achieved=achieved if math.isfinite(achieved) else str(achieved),
+        achieved=_number(float(verdict.achieved)),
         passed=bool(verdict.passed),
         place=verdict.scenario,
         variant=verdict.variant,
         description=verdict.name,
         reason=verdict.reason,
     )
+
+
+def _number(value: float) -> float | Literal["nan", "inf", "-inf"]:
+    """What stands for `value` in JSON, where numbers are finite."""
+    if math.isfinite(value):
+        return value
+    return "nan" if math.isnan(value) else "inf" if value > 0.0 else "-inf"
 
 
 def _verdict(judged: Judged) -> Verdict:

@@ -122,7 +122,7 @@ class TestVectors(Part):
 
     columns: Columns
     units: list[str]
-    tolerance: Literal[1e-9]
+    tolerance: Literal[1e-9]  # type: ignore[valid-type]  # pydantic takes numbers, too
     rows: Annotated[
         list[Annotated[list[Number | None], Field(min_length=12, max_length=12)]],
         Field(min_length=1),

@@ -4,16 +4,16 @@ neutral in older files."""
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any
+from typing import Any, Final
 
 from ..errors import InputError, shown
 from .proof import UNCHECKED
 
-VERSION = 4
+VERSION: Final = 4
 
 _START = "m_f = m, g_previous = (c - 1)*m, all other states 0"
 _NOT_FINITE = "is not finite, x = 0, and the next sound sample is a start"
-_CONTROLLER_OF_2 = {
+_CONTROLLER_OF_2: dict[str, Any] = {
     "measurement_filter_time": {"value": 0.0, "unit": "s"},
     "lead_lag": [],
     "pressure_compensation": None,
@@ -43,7 +43,7 @@ _SIGNALS = {"x": "previous_x", "y": "y"}
 def upgraded(data: dict[str, Any]) -> dict[str, Any]:
     """The content of a schedule file as one of VERSION. Raises InputError for an unknown version,
     and for an older file that is not as its version has it."""
-    version = data.get("version")
+    version: Any = data.get("version")
     if isinstance(version, bool) or version not in range(1, VERSION + 1):
         raise InputError(
             f"version {version!r} is unknown; only 1 to {VERSION} can be read. Update hydroctl."

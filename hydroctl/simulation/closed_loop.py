@@ -34,10 +34,11 @@ def simulate_closed_loop(
         isinstance(substeps, bool) or not isinstance(substeps, Integral) or substeps < 1
     ):
         raise InputError(f"substeps = {substeps!r} must be a whole number of at least 1, or None.")
-    load = scenario.load_force + actuator.constant_load
+    outside = np.asarray(scenario.load_force)
+    load = outside + actuator.constant_load
     start = scenario.initial
     if start is None:
-        start = rest_state(actuator, scenario.y, load_force=float(scenario.load_force[0]))
+        start = rest_state(actuator, scenario.y, load_force=float(outside[0]))
     count = substeps or needed_substeps(actuator, scenario.Ts)
     out = np.empty((7, scenario.reference.size))
 

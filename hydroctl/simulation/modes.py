@@ -62,12 +62,10 @@ def is_stiff(actuator: Actuator, step: float) -> bool:
 
 def _valve_mode(actuator: Actuator) -> float:
     """The faster |root| of s^2 + 2 zeta w s + w^2 in rad/s; 0 for an ideal valve."""
-    if actuator.valve_natural_frequency is None:
+    frequency, damping = actuator.valve_natural_frequency, actuator.valve_damping
+    if frequency is None or damping is None:
         return 0.0
-    damping = actuator.valve_damping
-    return actuator.valve_natural_frequency * max(
-        1.0, damping + math.sqrt(max(0.0, damping**2 - 1.0))
-    )
+    return frequency * max(1.0, damping + math.sqrt(max(0.0, damping**2 - 1.0)))
 
 
 def _jacobians(actuator: Actuator, states: np.ndarray) -> np.ndarray:

@@ -174,7 +174,8 @@ def synchronize(
 
 def _loads(load_forces, count: int, reference: MotionProfile) -> tuple[np.ndarray, list[str]]:
     """(N, n) N and what is wrong with them."""
-    loads, faults = np.zeros((count, reference.position.size)), []
+    faults: list[str] = []
+    loads = np.zeros((count, reference.position.size))
     if load_forces is None:
         return loads, faults
     if not hasattr(load_forces, "__len__") or len(load_forces) != count:
@@ -283,8 +284,11 @@ def _rule_numbers(
 
     slowing = (np.inf, 1.0, 0.0, 0.0)
     if override is not None:
-        slowing = tuple(
-            map(float, (override.free, override.span, override.time_constant, override.least))
+        slowing = (
+            float(override.free),
+            float(override.span),
+            float(override.time_constant),
+            float(override.least),
         )
     stopping = (1.0, np.inf) if stop is None else (float(stop.distance), float(stop.largest_lag))
     if failure is None:
@@ -317,9 +321,8 @@ def _load_steps(actuators: Sequence[Actuator], loads: np.ndarray) -> np.ndarray:
     held = np.array(
         [np.abs(stall_force(actuator, np.array([-1.0, 1.0]))).min() for actuator in actuators]
     )
-    return (np.abs(np.diff(loads, axis=1, prepend=loads[:, :1])) > _LOAD_STEP * held[:, None]).any(
-        axis=0
-    )
+    changes = np.abs(np.diff(loads, axis=1, prepend=loads[:, :1]))
+    return np.any(changes > _LOAD_STEP * held[:, None], axis=0)
 
 
 def _stop_report(
@@ -328,7 +331,7 @@ def _stop_report(
     y = np.array([trajectory.y for trajectory in trajectories])[:, stopped:]
     blind = failure is not None and failure.kind == "sensor" and round(failure.time / Ts) <= stopped
     lags = np.abs(reference[stopped] - y[:, 0])
-    cylinder = failure.cylinder if blind else int(np.argmax(lags))
+    cylinder = failure.cylinder if failure is not None and blind else int(np.argmax(lags))
     found, allowed = apart(lags[cylinder], stop.largest_lag)
     lag = f"it is {found} m from the reference, more than {allowed} m"
     return Stop(

@@ -60,7 +60,7 @@ class Bounds:
 
     def exceeded(self, gains: np.ndarray) -> np.ndarray:
         """(M,) bool: at which points a bound is broken."""
-        return (_weighted(self.rows, gains) > self.most).any(axis=1)
+        return np.any(_weighted(self.rows, gains) > self.most, axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,12 +195,12 @@ def largest_gains(
 def _half_planes(demands: Demands, local, present):
     """(rows, most) of rows @ g <= most: the half-planes that touch each set nearest to L with gains
     `present` (M, t), then the bounds; each row is of size one in the variables g * local."""
-    L, rows, most = demands.loop_gain(present), [demands.bounds.rows], [demands.bounds.most]
+    L, normals, bounds = demands.loop_gain(present), [demands.bounds.rows], [demands.bounds.most]
     for limit, on in zip(demands.limits, demands.imposed, strict=True):
         normal, least = limit.half_planes(L)
-        rows.append(-(normal.conj()[:, :, None] * demands.phi).real)
-        most.append(np.where(on, -least, np.inf))
-    rows, most = np.concatenate(rows, axis=1), np.concatenate(most, axis=1)
+        normals.append(-(normal.conj()[:, :, None] * demands.phi).real)
+        bounds.append(np.where(on, -least, np.inf))
+    rows, most = np.concatenate(normals, axis=1), np.concatenate(bounds, axis=1)
     scale = np.abs(rows / local[:, None, :]).max(axis=2)
     return rows / scale[:, :, None], most / scale
 

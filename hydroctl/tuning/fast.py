@@ -143,10 +143,9 @@ def _regulators(
     specification: Specification,
 ) -> Regulators:
     a1, a2, b = reduced.a1, reduced.a2, reduced.b
-    zero, (zz, zp) = (
-        np.zeros(reduced.shape),
-        (1.0, 1.0) if quantity.is_speed else specification.notch_damping,
-    )
+    damping = (1.0, 1.0) if quantity.is_speed else specification.notch_damping
+    assert damping is not None  # the task has settled it
+    zero, (zz, zp) = np.zeros(reduced.shape), damping
     if quantity.integrations:
         kp, ki, kd = a2 * wanted / b, zero, zero
     elif method == "imc":

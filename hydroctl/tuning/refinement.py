@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,9 +21,12 @@ from ..loop.sampled_plant import frequency_grid
 from ..regulator.structures import Regulators
 from ..specification import Specification
 from .convex import Demands, half_of_largest, largest_gains, retreat, small_gains
-from .limits import Limit, limits_of, phrase
+from .limits import Disc, Limit, Segment, limits_of, phrase
 from .nodes import mixing_matrix
 from .task import Task
+
+if TYPE_CHECKING:
+    from scipy import sparse
 
 _ROUNDS = 10
 _NEAR = 0.35
@@ -47,7 +51,7 @@ class Problem:
 
     task: Task
     notch_frequency: np.ndarray
-    mix: object
+    mix: sparse.csr_array
     worth: np.ndarray
     """(points,) what the gain that is maximized weighs at each"""
 
@@ -225,14 +229,12 @@ def _shortfalls(loops: Loop, limits: dict[str, Limit], omega: np.ndarray) -> dic
     if len(limits) == len(found):
         return found
     margins = analyse(loops, omega)
-    if "gain_margin" in limits:
+    if isinstance(disc := limits.get("gain_margin"), Disc):
         crossings = margins.phase_crossings.select(lambda response: np.abs(response) < 1.0)
-        lacking = 1.0 - 1.0 / np.abs(crossings.response) / limits["gain_margin"].gain_margin
+        lacking = 1.0 - 1.0 / np.abs(crossings.response) / disc.gain_margin
         found["gain_margin"] = _crossing_shortfall(crossings, lacking, omega)
-    if "phase_margin" in limits:
-        lacking = limits["phase_margin"].phase_margin - np.abs(
-            margins.gain_crossings.phase_margins()
-        )
+    if isinstance(segment := limits.get("phase_margin"), Segment):
+        lacking = segment.phase_margin - np.abs(margins.gain_crossings.phase_margins())
         found["phase_margin"] = _crossing_shortfall(margins.gain_crossings, lacking, omega)
     return found
 

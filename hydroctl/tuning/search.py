@@ -15,6 +15,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -108,8 +109,11 @@ def _tried_plants(task: Task) -> tuple[Change, ...]:
 
 def _settings(task: Task) -> dict[str, float]:
     """The settings of the specification that the structure uses."""
-    specification, found = task.specification, {}
+    specification = task.specification
+    found: dict[str, float] = {}
     if "notch" in task.structure:
+        assert specification.notch_damping is not None  # the task has settled both
+        assert specification.notch_ratio is not None
         found |= {
             "notch_ratio": specification.notch_ratio,
             **dict(zip(("zz", "zp"), specification.notch_damping, strict=True)),
@@ -125,7 +129,7 @@ def _with(task: Task, settings: dict[str, float]) -> Task:
     """The task with other settings; those that are not named stay."""
     s = _settings(task) | settings
     specification = task.specification
-    changed = {name: s[name] for name in ("Tf", "notch_ratio") if name in s}
+    changed: dict[str, Any] = {name: s[name] for name in ("Tf", "notch_ratio") if name in s}
     if "zz" in s:
         changed["notch_damping"] = (s["zz"], s["zp"])
     if "zero" in s:

@@ -184,7 +184,7 @@ def _needed_points(task: Task, schedule: GainSchedule) -> tuple[np.ndarray, np.n
         return schedule.design_x, schedule.design_y
     plants = task.at(quarters, y).plants
     loops = Loop(plants, schedule.gains(quarters[:, None], y).broadcast_to(plants.shape))
-    missed_there = broken(loops, between_points(schedule.specification, _DENSE)).any(axis=0)
+    missed_there = np.any(broken(loops, between_points(schedule.specification, _DENSE)), axis=0)
     new_x, new_y = ~np.isin(x, schedule.design_x), ~np.isin(y, schedule.design_y)
     missed = missed_there[np.isin(quarters, x)]
     for row in np.flatnonzero(new_x):

@@ -13,7 +13,7 @@ from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -82,9 +82,9 @@ class CampaignResult:
     def verdicts(self, requirements: Sequence[Requirement]) -> tuple[Verdict, ...]:
         """Each requirement at the case that is worst for it, which the verdict's variant names by
         its seed."""
-        achieved = SimpleNamespace(**self.metrics)
+        achieved: Any = SimpleNamespace(**self.metrics)
         known = {"stroke": self.actuator.stroke, "pressure_rating": self.actuator.pressure_rating}
-        machine = SimpleNamespace(**known, supply_pressure=self.parameters["supply_pressure"])
+        machine: Any = SimpleNamespace(**known, supply_pressure=self.parameters["supply_pressure"])
         failures = int(self.failed.sum())
         first = int(np.argmax(self.failed))
         found = [
@@ -217,8 +217,7 @@ def _run_all(task: Task, bounds, executor: Executor | None):
     if executor is None and sum(stop - start for start, stop in bounds) <= _SERIAL_BELOW:
         yield from ((bound, run_chunk(task, *bound)) for bound in bounds)
         return
-    own = ThreadPoolExecutor(os.cpu_count()) if executor is None else None
-    pool = executor if own is None else own
+    pool = ThreadPoolExecutor(os.cpu_count()) if executor is None else executor
     futures = {pool.submit(run_chunk, task, *bound): bound for bound in bounds}
     try:
         for future in as_completed(list(futures)):
@@ -226,8 +225,8 @@ def _run_all(task: Task, bounds, executor: Executor | None):
     finally:
         for future in futures:
             future.cancel()
-        if own is not None:
-            own.shutdown()
+        if executor is None:
+            pool.shutdown()
 
 
 def _result(task: Task, count: int, rows: np.ndarray) -> CampaignResult:

@@ -158,7 +158,7 @@ def _run_scenario(task: Task, scenario: Scenario, drawn: np.ndarray) -> np.ndarr
     cases[further] += task.actuator.axial_gravity * cases[mass]
     p = plant.parameters(task.actuator)
     own = p._replace(supply=with_pressure(p.supply, cases[list(SPREAD).index("supply_pressure")]))
-    load = scenario.load_force + task.actuator.load_force
+    load = np.asarray(scenario.load_force) + task.actuator.load_force
     initial = np.zeros((6, cases.shape[1]))
     if scenario.initial is None:
         initial[:2] = rest_pressures(own, load[0] + cases[further])

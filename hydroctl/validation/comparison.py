@@ -146,7 +146,8 @@ def standings(reports: Mapping[str, ValidationReport]) -> dict[str, Standing]:
     }
     found = {}
     for k, name in enumerate(list(reports)[1:]):
-        worst = max(labels, key=lambda label, k=k: each[label][k].mean)
+        means = {label: each[label][k].mean for label in labels}
+        worst = max(means, key=means.__getitem__)
         found[name] = Standing(each[labels[0]][k], each[worst][k], worst)
     return found
 

@@ -60,6 +60,7 @@ class Metrics:
 def measure(actuator: Actuator, scenario: Scenario, trajectory: Trajectory) -> Metrics:
     """The metrics of `trajectory`, the motion of `actuator` in `scenario`."""
     Ts, y, command = scenario.Ts, trajectory.y, trajectory.command
+    assert command is not None  # a closed loop has one
     measured = getattr(trajectory, scenario.quantity.signal)
     error = scenario.reference - measured
     lowest = np.minimum(trajectory.p_a, trajectory.p_b)
@@ -86,6 +87,7 @@ def last_step(scenario: Scenario) -> tuple[int, int, int]:
     n = scenario.reference.size
     if scenario.kind == "tracking":
         return n, n, n
+    assert scenario.settle_by is not None  # a scenario has set it
     changes = np.flatnonzero(np.diff(scenario.reference)) + 1
     first = int(changes[-1]) if changes.size else 0
     late = min(n, first + math.ceil(scenario.settle_by / scenario.Ts))

@@ -47,7 +47,7 @@ def default_requirements(scale: Scale, loop: str, *, Mt: float = 1.3) -> tuple[R
             " the way at full opening",
             _SETTLES,
             lambda m: m.settling_time,
-            lambda scenario, _: scenario.settle_by,
+            _settle_by,
         ),
         Requirement(
             "overshoot of a step",
@@ -107,6 +107,11 @@ def default_requirements(scale: Scale, loop: str, *, Mt: float = 1.3) -> tuple[R
             lambda _, plant: 0.01 * plant.stroke,
         ),
     )
+
+
+def _settle_by(scenario: Scenario, _) -> float:
+    assert scenario.settle_by is not None  # a scenario has set it
+    return scenario.settle_by
 
 
 def worst_of(achieved: np.ndarray, limit: np.ndarray) -> int:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from functools import partial
-from types import FunctionType
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -36,16 +36,17 @@ TABLES = ("kp", "ki", "kd", "notch_frequency")
 ARRAYS = {"x": "x_nodes", "y": "y_nodes"}
 """arrays whose name is that of a signal, too"""
 _TEXT = re.compile(r"(?:\[(?P<unit>[^\]]*)\] )?(?P<text>.*)")
+Value = TypeVar("Value", float, np.ndarray)
 
 
 @dataclass(frozen=True)
-class Described:
+class Described(Generic[Value]):
     """A constant, an array or a number of the memory, with its unit and what it is."""
 
     name: str
     unit: str
     text: str
-    value: float | np.ndarray
+    value: Value
 
 
 @dataclass(frozen=True)
@@ -57,10 +58,10 @@ class Program:
     sample: Body
     start: Body
     functions: tuple[Function, ...]
-    constants: tuple[Described, ...]
+    constants: tuple[Described[float], ...]
     """those that are read"""
-    arrays: tuple[Described, ...]
-    memory: tuple[Described, ...]
+    arrays: tuple[Described[np.ndarray], ...]
+    memory: tuple[Described[float], ...]
     """the fields that act, besides x and running; their values at rest"""
 
     @property
@@ -73,7 +74,7 @@ class Program:
 def program_of(
     regulator: law.Regulator,
     *,
-    apart: Collection[FunctionType] = (*APART, gains.gains_at),
+    apart: Collection[Callable] = (*APART, gains.gains_at),
     taken: Collection[str] = (),
 ) -> Program:
     """The law that runs `regulator`.
@@ -180,7 +181,7 @@ def _look_up(trace: Trace, settings, taken) -> Body:
 
 def symbolic(regulator: law.Regulator) -> law.Regulator:
     """The regulator with names in the place of its numbers; truth values stay."""
-    made = {}
+    made: dict[str, Any] = {}
     for name, value in regulator._asdict().items():
         if isinstance(value, np.ndarray) and value.ndim < 3:
             made[name] = Array(ARRAYS.get(name, name), value)
@@ -194,13 +195,14 @@ def symbolic(regulator: law.Regulator) -> law.Regulator:
         (Constant(f"zero_{k + 1}", zero), Constant(f"pole_{k + 1}", pole))
         for k, (zero, pole) in enumerate(regulator.sections)
     )
-    made["compensation"] = compensation.Compensation(
-        **{name: Constant(name, value) for name, value in regulator.compensation._asdict().items()}
-    )
+    machine: dict[str, Any] = {
+        name: Constant(name, value) for name, value in regulator.compensation._asdict().items()
+    }
+    made["compensation"] = compensation.Compensation(**machine)
     return law.Regulator(**made)
 
 
-def described(name: str, text: str, words: dict, value=0.0) -> Described:
+def described(name: str, text: str, words: dict, value: Any = 0.0) -> Described[Any]:
     """`text` taken apart: "[unit] what it is"."""
     found = _TEXT.fullmatch(text)
     assert found is not None
@@ -236,7 +238,7 @@ def _with_what_is_read(program: Program, words: dict) -> Program:
     constants = {part.name: part.value for part in read if isinstance(part, Constant)}
     arrays = {part.array.name: part.array.values for part in read if isinstance(part, Item)}
 
-    def listed(values: dict) -> tuple[Described, ...]:
+    def listed(values: dict) -> tuple[Described[Any], ...]:
         order = [name for name in texts if name in values]
         return tuple(described(name, texts[name], words, values[name]) for name in order)
 

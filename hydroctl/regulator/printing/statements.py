@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -174,7 +174,7 @@ def replaced(expression: Expression, by: Mapping) -> Expression:
     """The expression with others in the place of names."""
     if expression in by:
         return by[expression]
-    changed = {}
+    changed: dict[str, Any] = {}
     for part in fields(expression):
         value = getattr(expression, part.name)
         if isinstance(value, tuple):
@@ -187,6 +187,7 @@ def replaced(expression: Expression, by: Mapping) -> Expression:
 def parts_of(expression: Expression):
     """The expression and all that it is made of."""
     yield expression
+    inner: tuple[Expression, ...]
     match expression:
         case Operation(_, left, right):
             inner = (left, right)

@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterable
 from contextlib import contextmanager
 from functools import cache
 from types import FunctionType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -100,8 +100,8 @@ class Trace:
     def __init__(
         self,
         *,
-        apart: Iterable[FunctionType] = (),
-        looked_up: tuple[FunctionType, tuple] | None = None,
+        apart: Iterable[Callable] = (),
+        looked_up: tuple[Callable, tuple] | None = None,
         words: dict[str, str],
         functions: dict[str, Function | Expression] | None = None,
     ):
@@ -109,9 +109,10 @@ class Trace:
         self.functions = {} if functions is None else functions
         self.statements: list[Statement] = []
 
-    def run(self, function: FunctionType, *arguments):
+    def run(self, function: Callable, *arguments):
         """What the function returns; its statements are added. Functions of other modules have a
         heading where one of its own module calls them."""
+        assert isinstance(function, FunctionType)
         self.module = function.__module__
         return _Frame(self, function, {}, "").run(arguments)
 
@@ -288,7 +289,7 @@ class _Frame:
         if called in (np.sqrt, np.tan):
             return Call(called.__name__, tuple(map(self.value, node.args)))
         if isinstance(called, type):
-            return called(**{key.arg: self.named(key) for key in node.keywords})
+            return called(**dict(map(self.named, node.keywords)))
         assert isinstance(called, FunctionType)
         arguments = tuple(map(self.value, node.args))
         if called in self.trace.apart:
@@ -298,14 +299,14 @@ class _Frame:
             return self.trace.looked_up[1]
         return self.in_place(called, arguments, [self.final(name) for name in targets])
 
-    def named(self, key: ast.keyword):
-        """A field of what is returned, under a name of its own."""
+    def named(self, key: ast.keyword) -> tuple[str, Any]:
+        """(the field, what it comes to) of what is returned, under a name of its own."""
         assert key.arg is not None
         value = self.value(key.value, [key.arg])
         if isinstance(value, _COMPUTED):
             with self.trace.under_heading(isinstance(key.value, ast.Call)):
-                return self.trace.assigned(self.final(key.arg), value)
-        return value
+                return key.arg, self.trace.assigned(self.final(key.arg), value)
+        return key.arg, value
 
     def in_place(self, called: FunctionType, arguments: tuple, targets: list[str]):
         """The statements of a function, with the names in `targets` for what it returns."""
