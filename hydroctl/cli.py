@@ -5,11 +5,8 @@ from __future__ import annotations
 
 import json
 import math
-import shutil
 import sys
-import tempfile
-import time
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import nullcontext
 from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
@@ -21,6 +18,7 @@ import hydroctl
 
 from .digits import apart
 from .machine.units import without_dask
+from .progress import interruptible, progress_bar, stage_bar
 
 app = typer.Typer(
     help="From the data sheet of a hydraulic servo cylinder to a proven gain schedule.",
@@ -28,10 +26,6 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-
-
-_PATIENCE = 2.0
-"""s of work before progress is shown"""
 
 
 class Loop(StrEnum):
@@ -114,7 +108,7 @@ def design(
     require_writable(directory)
     from .chain import STAGES
 
-    with _stages(len(STAGES) + 1) as begin:
+    with stage_bar(len(STAGES) + 1) as begin:
         result = hydroctl.design(
             machine,
             loop=loop.value,
@@ -209,9 +203,9 @@ def validate(
         )
     elif count:
         with (
-            _interruptible(directory) as kept,
+            interruptible(directory) as kept,
             validation.connected(scheduler) if scheduler else nullcontext() as executor,
-            _progress() as advance,
+            progress_bar() as advance,
         ):
             settings: dict[str, Any] = {
                 "count": count,
@@ -238,28 +232,6 @@ def validate(
         raise typer.Exit(0 if report.passed else 1)
 
 
-@contextmanager
-def _interruptible(directory: Path | None):
-    """Where finished cases are kept: `directory`, or a temporary one that only an interrupt leaves
-    behind. An interrupt ends the program with 130 and one line that says how to go on.
-    """
-    resumable = directory is not None
-    kept = directory or Path(tempfile.mkdtemp(prefix="hydroctl-"))
-    try:
-        yield kept
-    except KeyboardInterrupt:
-        resumable = True
-        typer.echo(
-            f"hydroctl: interrupted; the same command with -o {kept} goes on from the finished"
-            " cases",
-            err=True,
-        )
-        raise typer.Exit(130) from None
-    finally:
-        if not resumable:
-            shutil.rmtree(kept, ignore_errors=True)
-
-
 def _synchronize(
     paths: list[Path], coupling: str, tolerance: float, count: int, seed: int
 ) -> NoReturn:
@@ -268,7 +240,7 @@ def _synchronize(
 
     schedules = [hydroctl.load_schedule(path) for path in paths]
     machines = [schedule.machine for schedule in schedules]
-    with _stages(3) as begin:
+    with stage_bar(3) as begin:
         begin("coupling")
         designed = synchronization.design_coupling(machines, schedules, coupling)
         assert designed.evidence is not None  # a coupling that was designed has it
@@ -364,7 +336,7 @@ def report(
 
     loaded = hydroctl.load_schedule(schedule)
     make_directory(path.parent)
-    with _stages(4) as begin:
+    with stage_bar(4) as begin:
         begin("validation")
         validation = hydroctl.validate(loaded.machine, loaded)
         begin("fixed regulator")
@@ -423,41 +395,6 @@ def _pairs(option: str, given: list[str] | None) -> dict[str, str]:
 
 def _tell(iteration: int, fit: float) -> None:
     typer.echo(f"iteration {iteration}: fit {fit:.2f} %", err=True)
-
-
-@contextmanager
-def _progress():
-    """Gives the callback (done, count) of long work: after two seconds it draws a bar on stderr, if
-    that is a terminal."""
-    start, bar = time.monotonic(), None
-    with ExitStack() as stack:
-
-        def advance(done: int, count: int) -> None:
-            nonlocal bar
-            if bar is None and sys.stderr.isatty() and time.monotonic() - start >= _PATIENCE:
-                bar = stack.enter_context(typer.progressbar(length=count, file=sys.stderr))
-            if bar is not None:
-                bar.update(done - bar.pos)
-
-        yield advance
-
-
-@contextmanager
-def _stages(count: int):
-    """Gives the callback (name) of the stages of long work, as each begins: on stderr, if a
-    terminal, a bar that names it."""
-    if not sys.stderr.isatty():
-        yield lambda name: None
-        return
-    with typer.progressbar(length=count, file=sys.stderr, show_eta=False) as bar:
-
-        def begin(name: str) -> None:
-            bar.update(1 if bar.label else 0)
-            bar.label = f"{name:<34}"
-            bar.render_progress()
-
-        yield begin
-        bar.update(count - bar.pos)
 
 
 def _machine(name: str) -> hydroctl.Actuator:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import hydroctl as hc
-from hydroctl import cli
+from hydroctl import progress
 
 COUNT, CHUNKS = 20_480, 32
 
@@ -71,10 +71,10 @@ def test_ctrl_c_leaves_a_state_from_which_the_same_command_goes_on(schedule, tmp
 
 def test_progress_is_drawn_on_a_terminal_after_two_seconds_and_nowhere_else(monkeypatch, capsys):
     now = iter([0.0, 1.0, 3.0, 4.0, *([5.0] * 100)])
-    monkeypatch.setattr(cli.time, "monotonic", lambda: next(now))
+    monkeypatch.setattr(progress.time, "monotonic", lambda: next(now))
     for terminal in (True, False):
         monkeypatch.setattr(sys.stderr, "isatty", lambda terminal=terminal: terminal, raising=False)
-        with cli._progress() as advance:
+        with progress.progress_bar() as advance:
             advance(100, 1000)
             assert capsys.readouterr().err == ""
             advance(500, 1000)
